@@ -1,8 +1,8 @@
 """Writes `surfacing.nc`: a freeform surface finished with a ball end mill on a 3-axis machining centre.
 
-It is the kind of program that made people buy a remote buffer: some 240 KB of short moves, more than a control
-of that time could hold. The same seed gives the same bytes on every machine, because only operations that
-IEEE 754 rounds exactly (+, -, *, /, square root) decide about a coordinate.
+It is the kind of program that made people buy a remote buffer: some 240 KB of short moves, more than a
+control of that time could hold. The same seed gives the same bytes on every machine, because only operations
+that IEEE 754 rounds exactly (+, -, *, /, square root) decide about a coordinate.
 
     python examples/make_surfacing.py examples/surfacing.nc
 """
