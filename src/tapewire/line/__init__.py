@@ -1,0 +1,1 @@
+"""Bytes and time on a wire. Knows no protocol."""

@@ -1,0 +1,134 @@
+"""One engine on one line: the rule that the asyncio driver and the simulated world both run.
+
+Read everything first, then let timers fire, so that a stall of this computer never looks like silence of the other.
+Then hand bytes over while the line has room, with no call between look and consume. A loop that stalls therefore
+neither sees a stop request nor sends past it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from tapewire.engine import Engine, Event, Nanos, SignalsIn, SignalsOut
+from tapewire.line.transport import Closed, Fault, LineItem, Transport
+
+__all__ = ["Application", "Link"]
+
+
+class Application(Protocol):
+    """Who works an engine from behind: the control that takes blocks out of the buffer, the disk that stores."""
+
+    def step(self, now: Nanos) -> None: ...
+
+    def next_deadline(self) -> Nanos | None: ...
+
+
+class Link:
+    """An engine, its line, and who stands behind the engine.
+
+    `on_event(event, now)` gets every event; `on_item(item, now)` sees what the line brought before the engine does.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        transport: Transport,
+        *,
+        application: Application | None = None,
+        on_event: Callable[[Event, Nanos], None] | None = None,
+        on_item: Callable[[LineItem, Nanos], None] | None = None,
+    ) -> None:
+        self.engine = engine
+        self.transport = transport
+        self.application = application
+        self.closed = False
+        """The line is gone."""
+        self.blocked = False
+        """The engine had more to send than the line had room for."""
+        self.characters_sent = 0
+        """Everything handed over, protocol included, less what was called back."""
+        self._on_event = on_event
+        self._on_item = on_item
+        self._reported_left = 0
+        self._signals: SignalsOut | None = None
+
+    def step(self, now: Nanos) -> None:
+        """Bring everything up to `now`."""
+        self._read(now)
+        self._report_left(now)
+        deadline = self.engine.next_deadline()
+        if deadline is not None and deadline <= now:
+            self.engine.handle_timer(now)
+        if self.application is not None:
+            self.application.step(now)
+        self._drive_signals(now)
+        self._recall(now)
+        self._send(now)
+        self._drain(now)
+
+    def next_deadline(self) -> Nanos | None:
+        """The nearest moment at which `step` has something to do by itself."""
+        moments = [self.engine.next_deadline()]
+        if not self.closed:
+            moments.append(self.transport.next_deadline())
+        if self.application is not None:
+            moments.append(self.application.next_deadline())
+        return min((moment for moment in moments if moment is not None), default=None)
+
+    def _read(self, now: Nanos) -> None:
+        if self.closed:
+            return
+        engine = self.engine
+        for item in self.transport.read(now):
+            if self._on_item is not None:
+                self._on_item(item, now)
+            match item:
+                case bytes():
+                    engine.receive_data(item, now)
+                case Fault(fault=fault, byte=byte):
+                    engine.receive_line_fault(fault, byte, now)
+                case SignalsIn():
+                    engine.receive_signals(item, now)
+                case Closed(closure=closure, reason=reason):
+                    self.closed = True
+                    engine.receive_closed(closure, reason, now)
+
+    def _report_left(self, now: Nanos) -> None:
+        if self.closed or self._reported_left == self.characters_sent:
+            return
+        left = self.characters_sent - self.transport.in_flight(now)
+        if left > self._reported_left:
+            count, self._reported_left = left - self._reported_left, left
+            self.engine.data_left(count, now)
+
+    def _drive_signals(self, now: Nanos) -> None:
+        signals = self.engine.signals
+        if signals != self._signals and not self.closed:
+            self._signals = signals
+            self.transport.set_signals(signals, now)
+
+    def _recall(self, now: Nanos) -> None:
+        if self.engine.recall:
+            count = 0 if self.closed else self.transport.discard(now)
+            self.characters_sent -= count
+            self.engine.data_discarded(count, now)
+
+    def _send(self, now: Nanos) -> None:
+        self.blocked = False
+        while not self.closed:
+            room = self.transport.room(now)
+            data = self.engine.data_to_send(room or 1)
+            if not data:
+                return
+            if not room:
+                self.blocked = True
+                return
+            self.transport.write(data, now)
+            self.characters_sent += len(data)
+            self.engine.data_sent(len(data), now)
+
+    def _drain(self, now: Nanos) -> None:
+        while (event := self.engine.next_event()) is not None:
+            if self._on_event is not None:
+                self._on_event(event, now)

@@ -1,0 +1,118 @@
+"""Protocol parameters as users set them: `--set KEY=VALUE`, checked against the fields of a frozen record.
+
+A field declared with `setting` carries all that the parser, the error texts and the tables of the manual need.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from enum import StrEnum
+from typing import Any, Protocol, TypeVar
+
+from tapewire.errors import UsageError
+
+__all__ = ["End", "Switch", "describe_settings", "parse_settings", "setting"]
+
+
+class End(StrEnum):
+    """Whose parameter it is."""
+
+    BOTH = "both"
+    HOST = "host"
+    CONTROL = "control"
+
+
+class Switch(StrEnum):
+    """A parameter that is on or off."""
+
+    ON = "on"
+    OFF = "off"
+
+
+class DataclassInstance(Protocol):
+    __dataclass_fields__: dict[str, Any]
+
+
+Record = TypeVar("Record", bound=DataclassInstance)
+
+
+def setting(
+    default: Any,
+    why: str,
+    *,
+    end: End = End.BOTH,
+    key: str | None = None,
+    unit: str = "",
+    limits: tuple[float, float] | None = None,
+) -> Any:
+    """A dataclass field that `--set` can reach.
+
+    `default` gives the type: a StrEnum member offers its words, an int or a float is a number in `unit` within
+    `limits`. `why` is one sentence for the manual: what it means and why this default.
+    """
+    metadata = {"why": why, "end": end, "key": key, "unit": unit, "limits": limits}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def parse_settings(
+    record: type[Record], settings: Mapping[str, str], end: End, fixed: Mapping[str, Any]
+) -> Record:
+    """A `record` with `settings` (words as typed) over its defaults; `fixed` fills what users cannot set.
+
+    Raises UsageError for a key that is unknown or belongs to the other end, and for a value out of its range.
+    """
+    fields = {_key(field): field for field in _settable(record)}
+    values = dict(fixed)
+    for key, text in settings.items():
+        field = fields.get(key)
+        if field is None:
+            raise UsageError(f"there is no setting {key!r}; the settings are {', '.join(sorted(fields))}")
+        if field.metadata["end"] not in (End.BOTH, end):
+            raise UsageError(f"{key} is a setting of the {field.metadata['end']}, not of the {end}")
+        values[field.name] = _parse(field, text)
+    return record(**values)
+
+
+def describe_settings(record: type[DataclassInstance]) -> list[tuple[str, str, str, str, str]]:
+    """(key, values, default, end, why) of every setting, in the order of declaration: the table of the manual."""
+    return [
+        (_key(field), _values(field), _word(field.default), str(field.metadata["end"]), field.metadata["why"])
+        for field in _settable(record)
+    ]
+
+
+def _settable(record: type[DataclassInstance]) -> Iterable[dataclasses.Field[Any]]:
+    return (field for field in dataclasses.fields(record) if "why" in field.metadata)
+
+
+def _key(field: dataclasses.Field[Any]) -> str:
+    return str(field.metadata["key"] or field.name)
+
+
+def _word(value: object) -> str:
+    return str(value)
+
+
+def _values(field: dataclasses.Field[Any]) -> str:
+    if isinstance(field.default, StrEnum):
+        return " ".join(type(field.default))
+    low, high = field.metadata["limits"]
+    return f"{low} to {high} {field.metadata['unit']}".rstrip()
+
+
+def _parse(field: dataclasses.Field[Any], text: str) -> object:
+    default, key = field.default, _key(field)
+    if isinstance(default, StrEnum):
+        words = type(default)
+        if text not in list(words):
+            raise UsageError(f"{key}={text}: one of {_values(field)} is expected")
+        return words(text)
+    try:
+        value = type(default)(text)
+    except ValueError:
+        value = None
+    low, high = field.metadata["limits"]
+    if value is None or not low <= value <= high:
+        raise UsageError(f"{key}={text}: a number is expected, {_values(field)}")
+    return value
