@@ -10,10 +10,10 @@ import pytest
 
 from tests.house.sources import Module, package_modules, read_module
 
-BANNED = frozenset(
-    ("asyncio", "time", "datetime", "random", "os", "socket", "serial", "logging")
-    + ("threading", "subprocess", "select", "termios")
-)
+BANNED = {
+    *("asyncio", "time", "datetime", "random", "os", "socket", "serial", "logging"),
+    *("threading", "subprocess", "select", "termios"),
+}
 CLOCK_FREE = (
     *("tapewire.engine", "tapewire.errors", "tapewire.codes"),
     *("tapewire.fanuc", "tapewire.g05", "tapewire.nc", "tapewire.protocols", "tapewire.sim"),
