@@ -48,8 +48,8 @@ class Link:
         """The engine had more to send than the line had room for."""
         self.characters_sent = 0
         """Everything handed over, protocol included, less what was called back."""
-        self._on_event = on_event
-        self._on_item = on_item
+        self.on_event = on_event
+        self.on_item = on_item
         self._reported_left = 0
         self._signals: SignalsOut | None = None
 
@@ -81,8 +81,8 @@ class Link:
             return
         engine = self.engine
         for item in self.transport.read(now):
-            if self._on_item is not None:
-                self._on_item(item, now)
+            if self.on_item is not None:
+                self.on_item(item, now)
             match item:
                 case bytes():
                     engine.receive_data(item, now)
@@ -130,5 +130,5 @@ class Link:
 
     def _drain(self, now: Nanos) -> None:
         while (event := self.engine.next_event()) is not None:
-            if self._on_event is not None:
-                self._on_event(event, now)
+            if self.on_event is not None:
+                self.on_event(event, now)

@@ -55,9 +55,7 @@ def setting(
     return dataclasses.field(default=default, metadata=metadata)
 
 
-def parse_settings(
-    record: type[Record], settings: Mapping[str, str], end: End, fixed: Mapping[str, Any]
-) -> Record:
+def parse_settings(record: type[Record], settings: Mapping[str, str], end: End, fixed: Mapping[str, Any]) -> Record:
     """A `record` with `settings` (words as typed) over its defaults; `fixed` fills what users cannot set.
 
     Raises UsageError for a key that is unknown or belongs to the other end, and for a value out of its range.

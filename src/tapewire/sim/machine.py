@@ -37,9 +37,7 @@ class Control:
     ) -> None:
         self._engine = engine
         self._sink = sink
-        self._block_time: Nanos | None = (
-            None if blocks_per_second is None else round(SECOND / blocks_per_second)
-        )
+        self._block_time: Nanos | None = None if blocks_per_second is None else round(SECOND / blocks_per_second)
         self._eob = eob
         self._acts: list[tuple[int, Callable[[Nanos], None]]] = []
         if reset_after is not None:

@@ -10,12 +10,25 @@ Times are seconds since the beginning; a line that starts with two dashes is an 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
-from typing import Final, TypeAlias
+from typing import Final, TypeAlias, assert_never
 
-from tapewire.engine import SECOND, Nanos
+from tapewire.engine import (
+    SECOND,
+    AfterStop,
+    Alarm,
+    Ended,
+    Event,
+    Held,
+    Nanos,
+    Notice,
+    Received,
+    Requested,
+    Resumed,
+    Started,
+    Violation,
+)
 
-__all__ = ["Transcript", "Word", "quote"]
+__all__ = ["Transcript", "Word", "event_text", "quote"]
 
 Word: TypeAlias = str | bytes
 """What one end said: a named code or message, or a run of program bytes."""
@@ -29,14 +42,40 @@ KEPT_LINES: Final = 10_000
 
 def quote(data: bytes) -> str:
     """Program bytes for people: quoted, escaped, cut."""
-    text = "".join(
-        chr(byte) if 32 <= byte < 127 and byte not in b'"\\' else _escape(byte) for byte in data[:SHOWN]
-    )
+    text = "".join(chr(byte) if 32 <= byte < 127 and byte not in b'"\\' else _escape(byte) for byte in data[:SHOWN])
     return f'"{text}{"..." if len(data) > SHOWN else ""}"'
 
 
 def _escape(byte: int) -> str:
     return {10: "\\n", 13: "\\r", 34: '\\"', 92: "\\\\"}.get(byte, f"\\x{byte:02x}")
+
+
+def event_text(event: Event) -> str:
+    """An event in words; empty for one that a dialogue does not show."""
+    match event:
+        case Requested(served=True) | Received():
+            return ""
+        case Requested():
+            return "asked for a program, but none is armed: nothing is sent"
+        case Started(why=why):
+            return f"started: {why}"
+        case Held(why=why):
+            return f"held: {why}"
+        case Resumed(why=why):
+            return f"resumed: {why}"
+        case AfterStop(count=count, allowed=allowed):
+            return f"{count} characters after DC3 ({allowed} allowed)"
+        case Alarm(number=number, text=text):
+            return f"alarm {number} {text}"
+        case Violation(what=what, count=count):
+            return f"violation: {what}" + (f" ({count} times)" if count > 1 else "")
+        case Notice(text=text):
+            return text
+        case Ended(outcome=outcome, reason=reason, bytes_low=low, bytes_high=high):
+            span = f"{low}" if low == high else f"{low} to {high}"
+            return f"{outcome}, {span} bytes: {reason}"
+        case _:
+            assert_never(event)
 
 
 class Transcript:
@@ -58,15 +97,6 @@ class Transcript:
 
     def happened(self, who: str, what: str, now: Nanos) -> None:
         self._line(who, f"-- {what}", now)
-
-    def listener(self, who: str, read: Callable[[bytes], list[Word]]) -> Callable[[bytes, Nanos], None]:
-        """A function that puts what `who` sent into words with `read` and notes it."""
-
-        def listen(data: bytes, now: Nanos) -> None:
-            for word in read(data):
-                self.said(who, word, now)
-
-        return listen
 
     def _line(self, who: str, text: str, now: Nanos) -> None:
         self._flush()

@@ -66,9 +66,7 @@ class CodeSystem(StrEnum):
 
 _ISO_FORM: Final = {ControlCode.DC3: 0x93, ControlCode.NAK: 0x95, ControlCode.SYN: 0x96}
 
-_CODE_OF: Final = {code.value: code for code in ControlCode} | {
-    byte: code for code, byte in _ISO_FORM.items()
-}
+_CODE_OF: Final = {code.value: code for code in ControlCode} | {byte: code for code, byte in _ISO_FORM.items()}
 
 
 def encode(code: ControlCode, system: CodeSystem) -> bytes:

@@ -1,0 +1,469 @@
+"""The host computer's end of protocol B and expansion protocol B (B-63322EN-1 6.1, 6.4, chapter 7).
+
+    cnc   DC1                  the control starts to read
+    host  program ...          as fast as the line goes
+    cnc   DC3                  its buffer is nearly full
+    host  (stops)              what is on its way may still arrive: the overrun
+    cnc   DC1
+    host  ... program %        goes on with the next byte
+    cnc   DC3                  it has read EOR: the end
+
+Everything hangs on one thing: DC3 means "stop" and "the end" and "I was reset", and DC1 means "go on" and "start".
+What tells them apart is how much has been sent since the last DC1, whether ER fell, and whether the control posts SYN
+and NAK. Where nothing tells them apart, the host stops and says so; it never goes on in the middle on a guess.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from tapewire.engine import (
+    MILLISECOND,
+    SECOND,
+    Closure,
+    Ended,
+    Event,
+    Events,
+    Held,
+    LineFault,
+    Nanos,
+    Notice,
+    Outcome,
+    Received,
+    Requested,
+    Resumed,
+    SignalsIn,
+    SignalsOut,
+    Sink,
+    Source,
+    Started,
+    Timers,
+    Violation,
+)
+from tapewire.errors import UsageError
+from tapewire.protocols.fanuc_b.host_law import LAW, State, Timer
+from tapewire.protocols.fanuc_b.host_reception import Reception
+from tapewire.protocols.fanuc_b.messages import ControlCode, ErLine, Params, PauseBy, SynAtEnd, code_of, encode
+from tapewire.protocols.settings import Switch
+
+__all__ = ["LAW", "FanucBHost", "State"]
+
+LOOK_AHEAD: Final = 4096
+"""Bytes of the program taken from its source before the line asks for them."""
+
+SOURCE_POLL: Final[Nanos] = 10 * MILLISECOND
+"""How often a source that had nothing yet is asked again."""
+
+LEAVING: Final[Nanos] = SECOND
+"""After a job has ended, what was on its way gets so long to leave before it counts as undecided."""
+
+LEVEL_DELAY: Final[Nanos] = SECOND
+"""A DC3 that stops us is drawn by a character that comes in: so long after the last one it can only be the end."""
+
+DAMAGED_WAIT: Final[Nanos] = 60 * SECOND
+"""A damaged character may have been the DC1 we wait for: after so long without another, the job has failed."""
+
+
+_FEED: Final = b"\x00\x7f"
+"""Blank and rubbed-out tape, which says nothing."""
+
+_TRANSFERRING: Final = frozenset({State.SENDING, State.HELD, State.RECEIVING, State.AFTER_DC4})
+
+
+class FanucBHost:
+    """A host computer on protocol B (or expansion B: the params say which). A HostEngine.
+
+    `Ended.bytes_low` are the program bytes that have left the line, `bytes_high` those handed over to it: protocol B
+    has no acknowledgement, so nothing better is known.
+    """
+
+    def __init__(self, params: Params) -> None:
+        self._params = params
+        self._state = State.IDLE
+        self._timers = Timers()
+        self._events = Events()
+        self._rs = True
+        self._er = False
+        self._sees_er = False
+        self._recall = False
+        self._in_flight = 0
+        self._left_at: Nanos = 0
+        self._source: Source | None = None
+        self._ahead = b""
+        self._exhausted = False
+        self._sent = 0
+        self._sent_at_dc1 = 0
+        self._resumed = False
+        self._reception: Reception | None = None
+        self._pause_wanted = False
+        self._pause_told = False
+        self._ending: tuple[Outcome, str] | None = None
+
+    # the application's side
+
+    def start(self, source: Source, now: Nanos) -> None:
+        """Arm a program; it starts with the next DC1. Raises UsageError while a job is under way."""
+        self._begin_job(State.ARMED)
+        self._source = source
+        self._ahead = b""
+        self._exhausted = False
+        self._sent = 0
+        self._resumed = False
+
+    def receive(self, sink: Sink, now: Nanos) -> None:
+        """Arm a reception; it starts with the next DC2. Raises UsageError while a job is under way."""
+        self._begin_job(State.LISTENING)
+        self._reception = Reception(self._params.data, sink)
+        self._pause_wanted = self._pause_told = False
+
+    def abort(self, now: Nanos) -> None:
+        """Fall silent and call back what has not left. No EOR is sent, so the program cannot look whole (8.2)."""
+        if self._state not in (State.IDLE, State.LEAVING):
+            self._end(Outcome.CANCELLED, "given up here; RESET the control before anything else is sent to it", now)
+
+    def hold_reception(self, now: Nanos) -> None:
+        """Pause the punch-out (6.1.1 2) (3)). The control may still send its overrun."""
+        self._pause_wanted = self._state is State.RECEIVING
+
+    def release(self, now: Nanos) -> None:
+        """Let the paused punch-out go on (6.1.1 2) (4), 6.1.2 (4))."""
+        self._pause_wanted = False
+
+    @property
+    def state(self) -> State:
+        return self._state
+
+    @property
+    def progress(self) -> int:
+        return self._reception.stored if self._reception is not None else self._sent
+
+    @property
+    def needs_stop_distance(self) -> int:
+        """6.3, chapter 7."""
+        return self._params.limits.overrun
+
+    # from the line
+
+    def receive_data(self, data: bytes, now: Nanos) -> None:
+        position = 0
+        while position < len(data):
+            if self._state is State.RECEIVING:
+                position = self._receive_punched(data, position, now)
+            elif self._state is State.AFTER_DC4 and self._still_program(data[position]):
+                continue
+            else:
+                self._receive_character(data[position], now)
+                position += 1
+
+    def receive_line_fault(self, fault: LineFault, byte: int | None, now: Nanos) -> None:
+        """A damaged character is never obeyed as DC1. While we send, the control says nothing that does not begin with
+        DC3, so a damaged character stops us: a pause is better than an overrun.
+        """
+        self._events.put(Violation(what=f"{fault} in what the control sent"))
+        match self._state:
+            case State.SENDING:
+                self._state = State.HELD
+                self._events.put(Held(why=f"{fault}: it may have been DC3"))
+                self._timers.start(Timer.DAMAGED, now + DAMAGED_WAIT)
+            case State.HELD:
+                self._timers.start(Timer.DAMAGED, now + DAMAGED_WAIT)
+            case State.RECEIVING | State.AFTER_DC4:
+                assert self._reception is not None
+                self._reception.line_fault(fault, byte)
+            case _:
+                pass
+
+    def receive_signals(self, signals: SignalsIn, now: Nanos) -> None:
+        """Host CTS is the control's RS, host DSR its ER (3.2)."""
+        if signals.cts != self._rs:
+            self._rs = signals.cts
+            if self._state is State.SENDING:
+                self._events.put(Resumed(why="RS is ON again") if self._rs else Held(why="the control's RS is OFF"))
+        fell = self._er and not signals.dsr
+        self._er = signals.dsr
+        if self._params.er is ErLine.HIDDEN:
+            return
+        self._sees_er = self._sees_er or signals.dsr
+        if fell and self._state in (State.DELIVERED, State.CLOSING):
+            self._end(Outcome.COMPLETE, "the control has read the whole program and turned ER OFF", now)
+        elif fell and self._state in _TRANSFERRING:
+            self._end(Outcome.FAILED, "the control's ER fell: it was reset, has an alarm, or lost power", now)
+
+    def receive_closed(self, closure: Closure, reason: str, now: Nanos) -> None:
+        """The end of a TCP line counts as ER OFF."""
+        delivered = self._state in (State.DELIVERED, State.CLOSING)
+        if delivered and closure is Closure.ORDERLY:
+            self._end(Outcome.COMPLETE, "the control has read the whole program and closed the line", now)
+        elif self._state is State.AFTER_DC4 and closure is Closure.ORDERLY:
+            self._finish_reception(now)
+        elif self._state not in (State.IDLE, State.LEAVING):
+            self._end(Outcome.FAILED, f"the line is gone: {reason}", now)
+        if self._state is State.LEAVING:
+            self._finish()
+
+    # to the line
+
+    def data_to_send(self, limit: int) -> bytes:
+        if self._state is State.RECEIVING and self._pause_by_code and self._pause_wanted is not self._pause_told:
+            code = ControlCode.DC3 if self._pause_wanted else self._params.resume_code
+            return encode(code, self._params.code)
+        if self._state is State.SENDING and self._rs:
+            return self._ahead[:limit]
+        return b""
+
+    def data_sent(self, count: int, now: Nanos) -> None:
+        self._in_flight += count
+        if self._state is State.RECEIVING:
+            self._pause_told = self._pause_wanted
+            return
+        self._ahead = self._ahead[count:]
+        self._sent += count
+        self._fill(now)
+
+    def data_left(self, count: int, now: Nanos) -> None:
+        self._in_flight -= count
+        if not self._in_flight:
+            self._left_at = now
+            if self._state is State.LEAVING:
+                self._finish()
+
+    def data_discarded(self, count: int, now: Nanos) -> None:
+        self._recall = False
+        self._in_flight -= count
+        self._sent -= count if self._source is not None else 0
+        if self._state is State.LEAVING and not self._in_flight:
+            self._finish()
+
+    @property
+    def recall(self) -> bool:
+        return self._recall
+
+    @property
+    def signals(self) -> SignalsOut:
+        """ON throughout, but for a pause by CS: with them OFF the control posts nothing (6.1.2) or alarms (3.2)."""
+        return SignalsOut(rts=self._pause_by_code or not self._pause_wanted)
+
+    # time and what happened
+
+    def next_deadline(self) -> Nanos | None:
+        return self._timers.next()
+
+    def handle_timer(self, now: Nanos) -> None:
+        for timer in self._timers.due(now):
+            match timer:
+                case Timer.SOURCE:
+                    self._fill(now)
+                case Timer.CLOSING:
+                    self._end(Outcome.COMPLETE, "the control has read the whole program", now)
+                case Timer.NOTICE:
+                    self._finish_reception(now)
+                case Timer.DAMAGED:
+                    self._end(Outcome.FAILED, "a damaged character came from the control and nothing after it", now)
+                case Timer.LEAVING:
+                    self._finish()
+
+    def next_event(self) -> Event | None:
+        return self._events.get()
+
+    # what the control says
+
+    def _receive_character(self, byte: int, now: Nanos) -> None:
+        code = code_of(byte)
+        if code is not None:
+            self._receive_code(code, now)
+        elif self._state is not State.LEAVING and byte not in _FEED:
+            self._events.put(Violation(what="the control sent characters that are no control codes"))
+
+    def _receive_code(self, code: ControlCode, now: Nanos) -> None:
+        if self._state is State.LEAVING:
+            return
+        allowed = LAW.get((self._state, code))
+        if allowed is None:
+            self._events.put(Violation(what=f"{code.name} while {self._state.value}"))
+            return
+        match code:
+            case ControlCode.DC1:
+                self._on_dc1(now)
+            case ControlCode.DC2:
+                self._state = State.RECEIVING
+                self._events.put(Started(why="DC2: the control punches out"))
+            case ControlCode.DC3:
+                self._on_dc3(now)
+            case ControlCode.DC4:
+                self._state = State.AFTER_DC4
+                self._timers.start(Timer.NOTICE, now + round(self._params.notice_time * SECOND))
+            case ControlCode.NAK | ControlCode.SYN:
+                self._on_notice(code, now)
+        assert self._state in allowed, f"{code.name} led to {self._state}"
+
+    def _on_dc1(self, now: Nanos) -> None:
+        """6.1.1 1) (2), (6)."""
+        self._timers.stop(Timer.DAMAGED)
+        self._timers.stop(Timer.CLOSING)
+        match self._state:
+            case State.ARMED:
+                self._events.put(Requested())
+                if self._blind:
+                    self._events.put(Notice(text=_RISK))
+                self._events.put(Started(why="DC1: from the first byte of the program"))
+                self._sent_at_dc1 = 0
+                self._state = State.SENDING
+                self._fill(now)
+            case State.HELD:
+                self._sent_at_dc1 = self._sent
+                self._resumed = True
+                self._state = State.SENDING
+                self._events.put(Resumed(why="DC1"))
+                self._fill(now)
+            case State.CLOSING:
+                self._state = State.DELIVERED
+                self._events.put(Resumed(why="DC1: the control reads on; nothing is left to send"))
+            case _:
+                self._events.put(Requested(served=False))
+
+    def _on_dc3(self, now: Nanos) -> None:
+        """6.1.1 1) (4), (8). Without posting and without ER this may be a reset (see the module's docstring)."""
+        match self._state:
+            case State.DELIVERED | State.CLOSING:
+                self._on_closing_dc3(now)
+            case State.HELD if self._blind:
+                self._end(Outcome.FAILED, f"a second DC3 with no DC1 between: {_LOOKS_LIKE_RESET}", now)
+            case State.HELD:
+                self._events.put(Notice(text="a second DC3 with no DC1 between"))
+            case _ if self._blind and not self._may_be_stop():
+                self._end(Outcome.FAILED, f"DC3 before the buffer can have filled: {_LOOKS_LIKE_RESET}", now)
+            case _:
+                self._state = State.HELD
+                early = "" if self._may_be_stop() else ", before the buffer can have filled"
+                self._events.put(Held(why=f"DC3{early}"))
+
+    def _on_closing_dc3(self, now: Nanos) -> None:
+        """The end of the read, unless it can be a stop, or SYN or NAK follows it (6.1.1 1) (7), 6.1.2 (7))."""
+        silent = not self._in_flight and now - self._left_at > LEVEL_DELAY
+        if self._state is State.DELIVERED and self._may_be_stop() and not silent:
+            wait = self._params.closing_time
+        elif self._params.posting is Switch.ON:
+            wait = self._params.notice_time
+        else:
+            self._end(Outcome.COMPLETE, "the control has read the whole program", now)
+            return
+        self._state = State.CLOSING
+        self._timers.start(Timer.CLOSING, now + round(wait * SECOND))
+
+    @property
+    def _blind(self) -> bool:
+        """Nothing on this line tells a reset from a stop (6.1.1, 6.4)."""
+        return self._params.posting is Switch.OFF and not self._sees_er
+
+    def _may_be_stop(self) -> bool:
+        """Enough has been sent since the last DC1 to have brought the buffer to its level (6.3)."""
+        limits = self._params.limits
+        return self._sent - self._sent_at_dc1 >= (limits.next_stop if self._resumed else limits.first_stop)
+
+    @property
+    def _pause_by_code(self) -> bool:
+        return self._params.pause is PauseBy.DC3
+
+    def _on_notice(self, code: ControlCode, now: Nanos) -> None:
+        """SYN is a reset, NAK an alarm (6.1.2, 6.4)."""
+        what = "was reset (SYN)" if code is ControlCode.SYN else "has an alarm (NAK)"
+        outcome = Outcome.CANCELLED if code is ControlCode.SYN else Outcome.FAILED
+        match self._state:
+            case State.IDLE | State.ARMED | State.LISTENING:
+                self._events.put(Notice(text=f"the control {what}"))
+            case State.DELIVERED | State.CLOSING:
+                if code is ControlCode.SYN and self._params.syn_at_end is SynAtEnd.COMPLETE:
+                    self._end(Outcome.COMPLETE, "delivered whole; the control was reset at its end (SYN)", now)
+                else:
+                    self._end(outcome, f"delivered whole, not executed: the control {what}", now)
+            case _:
+                self._end(outcome, f"the control {what}", now)
+
+    # reception
+
+    def _receive_punched(self, data: bytes, position: int, now: Nanos) -> int:
+        """Returns where the next character to look at stands."""
+        assert self._reception is not None
+        before = self._reception.stored
+        position, code = self._reception.read(data, position)
+        if self._reception.stored > before:
+            self._events.put(Received(count=self._reception.stored - before))
+        if code is not None:
+            self._receive_code(code, now)
+        return position
+
+    def _still_program(self, byte: int) -> bool:
+        assert self._reception is not None
+        if not self._reception.still_program(byte):
+            return False
+        self._timers.stop(Timer.NOTICE)
+        self._state = State.RECEIVING
+        return True
+
+    def _finish_reception(self, now: Nanos) -> None:
+        assert self._reception is not None
+        notice, damage = self._reception.undecided_notice, self._reception.damage
+        if notice is not None:
+            self._on_notice(notice, now)
+        elif damage:
+            self._end(Outcome.FAILED, f"received to its end, but damaged: {damage}", now)
+        else:
+            self._end(Outcome.COMPLETE, "the control has punched out everything", now)
+
+    # the life of a job
+
+    def _begin_job(self, state: State) -> None:
+        if self._state is not State.IDLE:
+            raise UsageError(f"a job is under way ({self._state.value}); abort it or wait for its end")
+        self._state = state
+        self._source = None
+        self._reception = None
+
+    def _fill(self, now: Nanos) -> None:
+        """Keep the next bytes at hand, and notice the end of the program with its last byte."""
+        assert self._source is not None
+        if not self._ahead and not self._exhausted:
+            data = self._source.read(LOOK_AHEAD)
+            if data is None:
+                self._timers.start(Timer.SOURCE, now + SOURCE_POLL)
+                return
+            self._ahead = data
+            self._exhausted = not data
+        if self._exhausted and not self._ahead and self._state is State.SENDING:
+            self._state = State.DELIVERED
+
+    def _end(self, outcome: Outcome, reason: str, now: Nanos) -> None:
+        """The job is over. One that is whole waits for its last byte to leave; any other calls back what it can."""
+        self._timers.stop_all()
+        self._ending = outcome, reason
+        self._state = State.LEAVING
+        self._ahead = b""
+        self._pause_wanted = self._pause_told = False
+        self._recall = outcome is not Outcome.COMPLETE
+        self._timers.start(Timer.LEAVING, now + LEAVING)
+        if not self._in_flight and not self._recall:
+            self._finish()
+
+    def _finish(self) -> None:
+        assert self._ending is not None
+        outcome, reason = self._ending
+        self._ending = None
+        self._timers.stop_all()
+        self._recall = False
+        self._state = State.IDLE
+        low = high = self.progress
+        if self._reception is None and outcome is not Outcome.COMPLETE:
+            low = max(0, high - self._in_flight)
+        self._source = None
+        self._events.put(Ended(outcome=outcome, reason=reason, bytes_low=low, bytes_high=high))
+
+
+_LOOKS_LIKE_RESET: Final = (
+    "the control was reset or has an alarm, and its next DC1 would be a start, not a resume; RESET the control and "
+    "send again (with 5000#3 = 1 and posting=on it would say which)"
+)
+
+_RISK: Final = (
+    "posting is off and ER cannot be seen: a reset after the buffer has filled looks like a stop, and the start that "
+    "follows it would get the middle of the program; stop this job before you start the control anew"
+)

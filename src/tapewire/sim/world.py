@@ -1,0 +1,219 @@
+"""The simulated world: hosts and controls on simulated cables, and one clock that jumps to the nearest deadline.
+
+Nothing here waits and nothing here is random: the same calls give the same run to the byte.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from io import BytesIO
+from typing import Any, Final
+
+from tapewire.codes import EOB
+from tapewire.engine import SECOND, CncEngine, Ended, Event, HostEngine, Nanos
+from tapewire.line.link import Link
+from tapewire.line.pacing import default_window
+from tapewire.line.simulated import CableEnd, EndSettings, simulated_cable
+from tapewire.line.transport import Closed, Fault, LineItem
+from tapewire.protocols import ProtocolEntry, protocol
+from tapewire.protocols.settings import End
+from tapewire.sim.machine import Control
+from tapewire.sim.transcript import Transcript, Word, event_text
+
+__all__ = ["Pair", "World"]
+
+MAX_STEPS_AT_ONCE: Final = 1000
+"""Steps at one moment after which the world is taken to run in circles."""
+
+
+@dataclass(slots=True)
+class Pair:
+    """One machine: a host, a cable and a control with its operator.
+
+    `host_events` and `cnc_events` collect (moment, event); `program` is what the control has taken.
+    """
+
+    entry: ProtocolEntry
+    host: HostEngine
+    cnc: CncEngine
+    control: Control
+    host_link: Link
+    cnc_link: Link
+    program: BytesIO
+    transcript: Transcript
+    host_events: list[tuple[Nanos, Event]] = field(default_factory=list)
+    cnc_events: list[tuple[Nanos, Event]] = field(default_factory=list)
+
+    def step(self, now: Nanos) -> None:
+        self.host_link.step(now)
+        self.cnc_link.step(now)
+
+    def next_deadline(self) -> Nanos | None:
+        moments = (self.host_link.next_deadline(), self.cnc_link.next_deadline())
+        return min((moment for moment in moments if moment is not None), default=None)
+
+    @property
+    def host_end(self) -> Ended | None:
+        """How the host's last job ended."""
+        return _last_end(self.host_events)
+
+    @property
+    def cnc_end(self) -> Ended | None:
+        """How the control's last operation ended."""
+        return _last_end(self.cnc_events)
+
+
+def _last_end(events: list[tuple[Nanos, Event]]) -> Ended | None:
+    return next((event for _, event in reversed(events) if isinstance(event, Ended)), None)
+
+
+class World:
+    """Any number of machines and one clock, which starts at 0."""
+
+    def __init__(self) -> None:
+        self.now: Nanos = 0
+        self.pairs: list[Pair] = []
+
+    def pair(
+        self,
+        name: str,
+        *,
+        baud: int | None = None,
+        settings: Mapping[str, str] | None = None,
+        host_settings: Mapping[str, str] | None = None,
+        cnc_settings: Mapping[str, str] | None = None,
+        window: int | None = None,
+        cnc_window: int = 2,
+        grain: int = 1,
+        has_signals: bool = True,
+        latency: Nanos = 0,
+        **operator: Any,
+    ) -> Pair:
+        """A host and a control of protocol `name` on a cable at `baud`.
+
+        `settings` are `--set` words for both ends, `host_settings` and `cnc_settings` for one. `window` characters
+        may be in flight from the host, `grain` is how many the control's UART reports at once. `operator` goes to
+        `Control`: blocks_per_second, reset_after, alarm_after. Raises UsageError.
+        """
+        entry = protocol(name)
+        baud = baud or entry.baud
+        shared = dict(settings or {})
+        host_params = entry.params({**shared, **(host_settings or {})}, End.HOST)
+        cnc_params = entry.params({**shared, **(cnc_settings or {})}, End.CONTROL)
+        host, cnc = entry.host(host_params), entry.cnc(cnc_params)
+        near, far = simulated_cable(
+            baud,
+            EndSettings(window=window or default_window(baud, host.needs_stop_distance)),
+            EndSettings(window=cnc_window, fifo=min(cnc_window, 2), grain=grain),
+            latency=latency,
+            has_signals=has_signals,
+        )
+        program = BytesIO()
+        control = Control(cnc, program, eob=EOB[entry.data_code(cnc_params)], **operator)
+        pair = self._wire(entry, host, cnc, control, program, near, far)
+        host_words, cnc_words = entry.words(cnc_params)
+        pair.host_link.on_item = _listener(pair.transcript, "cnc", cnc_words)
+        pair.cnc_link.on_item = _listener(pair.transcript, "host", host_words)
+        self.pairs.append(pair)
+        pair.step(self.now)
+        return pair
+
+    @staticmethod
+    def _wire(
+        entry: ProtocolEntry,
+        host: HostEngine,
+        cnc: CncEngine,
+        control: Control,
+        program: BytesIO,
+        near: CableEnd,
+        far: CableEnd,
+    ) -> Pair:
+        pair = Pair(
+            entry=entry,
+            host=host,
+            cnc=cnc,
+            control=control,
+            host_link=Link(host, near),
+            cnc_link=Link(cnc, far, application=control),
+            program=program,
+            transcript=Transcript(),
+        )
+        pair.host_link.on_event = _collector(pair.transcript, "host", pair.host_events)
+        pair.cnc_link.on_event = _collector(pair.transcript, "cnc", pair.cnc_events)
+        return pair
+
+    def step(self) -> bool:
+        """Let everything happen that is due now, then jump to the nearest deadline. False when there is none."""
+        for pair in self.pairs:
+            self._settle(pair)
+        moments = [moment for pair in self.pairs if (moment := pair.next_deadline()) is not None]
+        if not moments:
+            return False
+        self.now = max(self.now, min(moments))
+        return True
+
+    def _settle(self, pair: Pair) -> None:
+        """Step both ends until neither has anything left to do at this moment."""
+        for _ in range(MAX_STEPS_AT_ONCE):
+            pair.step(self.now)
+            deadline = pair.next_deadline()
+            if deadline is None or deadline > self.now:
+                return
+        raise AssertionError(f"no end of steps at {self.now} ns:\n{pair.transcript}")
+
+    def run_until(self, done: Callable[[], bool], *, limit: Nanos = 24 * 3600 * SECOND) -> None:
+        """Run until `done()`. Raises AssertionError when the world falls quiet or `limit` ns pass before that."""
+        end = self.now + limit
+        while not done():
+            assert self.step(), f"everything is quiet and it is not done:\n{self._transcripts()}"
+            assert self.now <= end, f"not done after {limit / SECOND} s:\n{self._transcripts()}"
+
+    def run_for(self, span: Nanos) -> None:
+        """Let `span` ns pass."""
+        end = self.now + span
+        while True:
+            for pair in self.pairs:
+                self._settle(pair)
+            moments = [moment for pair in self.pairs if (moment := pair.next_deadline()) is not None]
+            if not moments or min(moments) > end:
+                break
+            self.now = min(moments)
+        self.now = end
+
+    def run_until_quiet(self, *, limit: Nanos = 24 * 3600 * SECOND) -> None:
+        """Run until nothing is due any more. Raises AssertionError after `limit` ns."""
+        end = self.now + limit
+        while self.step():
+            assert self.now <= end, f"not quiet after {limit / SECOND} s:\n{self._transcripts()}"
+
+    def _transcripts(self) -> str:
+        return "\n".join(str(pair.transcript) for pair in self.pairs)
+
+
+def _collector(transcript: Transcript, who: str, events: list[tuple[Nanos, Event]]) -> Callable[[Event, Nanos], None]:
+    def collect(event: Event, now: Nanos) -> None:
+        events.append((now, event))
+        text = event_text(event)
+        if text:
+            transcript.happened(who, text, now)
+
+    return collect
+
+
+def _listener(
+    transcript: Transcript, who: str, read: Callable[[bytes], list[Word]]
+) -> Callable[[LineItem, Nanos], None]:
+    def listen(item: LineItem, now: Nanos) -> None:
+        match item:
+            case bytes():
+                for word in read(item):
+                    transcript.said(who, word, now)
+            case Fault(fault=fault):
+                transcript.said(who, f"({fault})", now)
+            case Closed(reason=reason):
+                transcript.happened(who, reason, now)
+            case _:
+                pass
+
+    return listen
