@@ -144,9 +144,7 @@ def test_nothing_names_a_path_of_somebodys_machine() -> None:
 
 
 def is_text(path: Path) -> bool:
-    return path.is_file() and (
-        path.suffix in (".py", ".md", ".txt", ".nc", ".html", ".toml") or not path.suffix
-    )
+    return path.is_file() and (path.suffix in (".py", ".md", ".txt", ".nc", ".html", ".toml") or not path.suffix)
 
 
 def test_the_layout_names_every_source_file_and_no_other() -> None:

@@ -8,48 +8,30 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 CONFTEST = Path(__file__).parents[1] / "conftest.py"
 
-SAID_IN = {
-    "a test": "import pytest\ndef test_it() -> None:\n    pytest.skip('no ser2net')\n",
-    "a mark": "import pytest\n@pytest.mark.skip(reason='no ser2net')\ndef test_it() -> None: ...\n",
-    "a module": "import pytest\npytest.skip('no ser2net', allow_module_level=True)\n",
+SKIPPED_BY = {
+    "test_call.py": "import pytest\ndef test_it() -> None:\n    pytest.skip('no ser2net')\n",
+    "test_mark.py": "import pytest\n@pytest.mark.skip(reason='no socat')\ndef test_it() -> None: ...\n",
+    "test_module.py": "import pytest\npytest.skip('no setserial', allow_module_level=True)\n",
 }
 
 
-def run_pytest(folder: Path, *, no_skip: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "pytest",
-            "-rs",
-            "-p",
-            "no:cacheprovider",
-            "--rootdir",
-            str(folder),
-            str(folder),
-        ],
-        env=os.environ | {"TAPEWIRE_NO_SKIP": no_skip},
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+def run_pytest(folder: Path, *, no_skip: str) -> str:
+    command = [sys.executable, "-m", "pytest", "-rA", "--continue-on-collection-errors", "--rootdir", "."]
+    environment = os.environ | {"TAPEWIRE_NO_SKIP": no_skip, "COLUMNS": "200"}
+    return subprocess.run(command, env=environment, cwd=folder, stdout=subprocess.PIPE, text=True, check=False).stdout
 
 
-@pytest.mark.parametrize("place", SAID_IN)
-def test_a_skip_fails_where_none_is_allowed(tmp_path: Path, place: str) -> None:
+def test_a_skip_fails_where_none_is_allowed(tmp_path: Path) -> None:
     shutil.copy(CONFTEST, tmp_path)
-    (tmp_path / "test_it.py").write_text("def test_other() -> None: ...\n")
-    (tmp_path / "test_skipped.py").write_text(SAID_IN[place])
+    (tmp_path / "pytest.ini").write_text("[pytest]\nasyncio_default_fixture_loop_scope = function\n")
+    for name, source in SKIPPED_BY.items():
+        (tmp_path / name).write_text(source)
 
-    allowed = run_pytest(tmp_path, no_skip="0")
+    assert "== 3 skipped in" in run_pytest(tmp_path, no_skip="0")
+
     forbidden = run_pytest(tmp_path, no_skip="1")
-
-    assert allowed.returncode == 0, allowed.stdout
-    assert "1 skipped" in allowed.stdout
-    assert forbidden.returncode != 0, forbidden.stdout
-    assert "no ser2net" in forbidden.stdout
+    assert "== 1 failed, 2 errors in" in forbidden
+    for reason in ("no ser2net", "no socat", "no setserial"):
+        assert f"lets no test be skipped: Skipped: {reason}" in forbidden
