@@ -146,7 +146,7 @@ def test_any_file_is_prepared_or_refused_as_the_second_opinion_says(
 
 
 @given(files | programs, st.sampled_from(TEXT_CODES))
-def test_what_is_sent_begins_so_that_no_block_is_skipped_and_ends_at_its_only_eor(file: bytes, code: DataCode) -> None:
+def test_what_is_sent_skips_no_block_and_ends_at_its_only_eor(file: bytes, code: DataCode) -> None:
     try:
         out, _ = prepared(file, code)
     except ProgramError:
@@ -235,9 +235,9 @@ def test_iso_and_eia_are_sent_in_their_codes() -> None:
         (b"%\n(\xc3\x84)\n%", (2, 2), "byte C3h (not ASCII) is no character"),
         (b"\xef\xbb\xbf%\nM30\n%", (1, 1), "byte EFh (not ASCII) is no character"),
         (b"%\nM30\n\x1a", (3, 1), "SUB (1Ah) is no character"),
-        (b"%\nO1\nG05\n\x01\x02\x03", (3, 1), "reads binary data: send the file with --raw"),
-        (b"%\nO1\n N10 G 5 (DATA)\r\nM30\n%", (3, 6), "reads binary data: send the file with --raw"),
-        (b"%\n/2N10G05\n%", (2, 6), "reads binary data: send the file with --raw"),
+        (b"%\nO1\nG05\n\x01\x02\x03", (3, 1), "reads binary: send the file with --raw"),
+        (b"%\nO1\n N10 G 5 (DATA)\r\nM30\n%", (3, 6), "reads binary: send the file with --raw"),
+        (b"%\n/2N10G05\n%", (2, 6), "reads binary: send the file with --raw"),
     ],
 )
 def test_a_refusal_says_where_what_and_what_to_do(file: bytes, where: tuple[int, int], why: str) -> None:

@@ -169,7 +169,7 @@ class _Preparer:
         if body.count(b"\r") != body.count(b"\r\n") and (lone := _LONE_CR.search(body)):
             found.append((lone.start(), "CR without LF: end the blocks with LF or CR LF, " + _RAW_ADVICE))
         if (offset := _find_g05(body, label_bytes)) is not None:
-            found.append((offset, "after the block G05 the control reads binary data: send the file with --raw"))
+            found.append((offset, "after the block G05 the control reads binary: send the file with --raw"))
         if found:
             raise self._refusal(body, *min(found))
         if max(body.find(b"\n"), len(body) - body.rfind(b"\n") - 1) > MAX_BLOCK_BYTES:
@@ -345,8 +345,8 @@ class PunchReader:
     control character is stored by its 7 bits, a byte without meaning in EIA as SUB, a CR without LF as CR,
     and each is kept in `damage`: a punch-out with damage has failed. Call `finish` when it has ended.
 
-    What cannot be seen: a character that is missing, one with two wrong bits, in plain ASCII any wrong one, and
-    in EIA one spoilt into blank tape at the beginning of a block or at the very end.
+    What cannot be seen: a character that is missing, one with two wrong bits, in plain ASCII any wrong one,
+    and in EIA one spoilt into blank tape at the beginning of a block or at the very end.
     """
 
     def __init__(self, code: DataCode, write: Write) -> None:
