@@ -206,9 +206,7 @@ class Ended:
     bytes_high: int
 
 
-Event: TypeAlias = (
-    Requested | Started | Held | Resumed | Received | AfterStop | Alarm | Violation | Notice | Ended
-)
+Event: TypeAlias = Requested | Started | Held | Resumed | Received | AfterStop | Alarm | Violation | Notice | Ended
 
 
 class Events:
@@ -392,6 +390,11 @@ class CncEngine(Engine, Protocol):
 
     def take(self, count: int, now: Nanos) -> bytes:
         """The control takes at most `count` bytes of program out of the buffer, up to and including EOR."""
+        ...
+
+    @property
+    def progress(self) -> int:
+        """Bytes of program taken out of the buffer, or punched, in this operation."""
         ...
 
     @property

@@ -27,7 +27,8 @@ class Application(Protocol):
 class Link:
     """An engine, its line, and who stands behind the engine.
 
-    `on_event(event, now)` gets every event; `on_item(item, now)` sees what the line brought before the engine does.
+    `on_event(event, now)` gets every event; `on_item(item, now)` sees what the line brought before the engine does;
+    `on_sent(characters, now)` is told how many have been handed over in all.
     """
 
     def __init__(
@@ -38,6 +39,7 @@ class Link:
         application: Application | None = None,
         on_event: Callable[[Event, Nanos], None] | None = None,
         on_item: Callable[[LineItem, Nanos], None] | None = None,
+        on_sent: Callable[[int, Nanos], None] | None = None,
     ) -> None:
         self.engine = engine
         self.transport = transport
@@ -50,6 +52,7 @@ class Link:
         """Everything handed over, protocol included, less what was called back."""
         self.on_event = on_event
         self.on_item = on_item
+        self.on_sent = on_sent
         self._reported_left = 0
         self._signals: SignalsOut | None = None
 
@@ -127,6 +130,8 @@ class Link:
             self.transport.write(data, now)
             self.characters_sent += len(data)
             self.engine.data_sent(len(data), now)
+            if self.on_sent is not None:
+                self.on_sent(self.characters_sent, now)
 
     def _drain(self, now: Nanos) -> None:
         while (event := self.engine.next_event()) is not None:

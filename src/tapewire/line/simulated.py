@@ -142,9 +142,7 @@ class CableEnd:
         self._closed = True
         self.set_signals(SignalsOut(rts=False, dtr=False), now)
         gone = max(now, self._tx.free_at or now) + self._latency
-        self.peer._marks.append(
-            (gone, Closed(closure=Closure.ORDERLY, reason="the other end closed the line"))
-        )
+        self.peer._marks.append((gone, Closed(closure=Closure.ORDERLY, reason="the other end closed the line")))
 
 
 def simulated_cable(

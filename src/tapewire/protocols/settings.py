@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping
 from enum import StrEnum
-from typing import Any, Protocol, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar
 
 from tapewire.errors import UsageError
 
@@ -31,7 +31,7 @@ class Switch(StrEnum):
 
 
 class DataclassInstance(Protocol):
-    __dataclass_fields__: dict[str, Any]
+    __dataclass_fields__: ClassVar[dict[str, Any]]
 
 
 Record = TypeVar("Record", bound=DataclassInstance)
@@ -100,7 +100,8 @@ def _values(field: dataclasses.Field[Any]) -> str:
 
 
 def _parse(field: dataclasses.Field[Any], text: str) -> object:
-    default, key = field.default, _key(field)
+    default: Any = field.default
+    key = _key(field)
     if isinstance(default, StrEnum):
         words = type(default)
         if text not in list(words):

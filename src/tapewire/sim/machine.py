@@ -22,7 +22,7 @@ class Control:
 
     `sink` gets the program as taken from the buffer, up to and including EOR. `eob` is the end of block of the code
     in use. An operator presses RESET, or the control goes to alarm, once `reset_after` or `alarm_after` bytes of
-    program have been taken.
+    program have been taken, or punched.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Control:
         return len(data)
 
     def _act(self, now: Nanos) -> None:
-        for entry in [entry for entry in self._acts if entry[0] <= self.bytes_taken]:
+        for entry in [entry for entry in self._acts if entry[0] <= max(self.bytes_taken, self._engine.progress)]:
             self._acts.remove(entry)
             self._send_buffer.clear()
             self._block_done = None

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from io import BytesIO
 from typing import Any, Final
 
-from tapewire.codes import EOB
+from tapewire.codes import EOB_CODES
 from tapewire.engine import SECOND, CncEngine, Ended, Event, HostEngine, Nanos
 from tapewire.line.link import Link
 from tapewire.line.pacing import default_window
@@ -110,7 +110,7 @@ class World:
             has_signals=has_signals,
         )
         program = BytesIO()
-        control = Control(cnc, program, eob=EOB[entry.data_code(cnc_params)], **operator)
+        control = Control(cnc, program, eob=EOB_CODES[entry.data_code(cnc_params)] or b"\n", **operator)
         pair = self._wire(entry, host, cnc, control, program, near, far)
         host_words, cnc_words = entry.words(cnc_params)
         pair.host_link.on_item = _listener(pair.transcript, "cnc", cnc_words)
@@ -166,7 +166,7 @@ class World:
         """Run until `done()`. Raises AssertionError when the world falls quiet or `limit` ns pass before that."""
         end = self.now + limit
         while not done():
-            assert self.step(), f"everything is quiet and it is not done:\n{self._transcripts()}"
+            assert self.step() or done(), f"everything is quiet and it is not done:\n{self._transcripts()}"
             assert self.now <= end, f"not done after {limit / SECOND} s:\n{self._transcripts()}"
 
     def run_for(self, span: Nanos) -> None:

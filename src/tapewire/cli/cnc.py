@@ -1,0 +1,88 @@
+"""`tapewire cnc`"""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import click
+
+from tapewire.cli.common import line_options, parse_words, run_job
+from tapewire.cli.output import Output
+from tapewire.errors import UsageError
+from tapewire.protocols.settings import End
+from tapewire.transfer.control import ControlTask, Operation, run_control
+from tapewire.transfer.program import Program
+from tapewire.transfer.reports import Result
+from tapewire.transfer.session import JobSettings, settings_for
+
+__all__ = ["cnc"]
+
+_COUNT = click.IntRange(min=1)
+
+
+@click.command()
+@line_options
+@click.option(
+    "--operation",
+    type=click.Choice([operation.value for operation in Operation]),
+    default=Operation.DNC.value,
+    show_default=True,
+    help="Execute a program as it comes, read it into memory, or punch one out.",
+)
+@click.option("--file", type=click.Path(), help="The program to punch out.")
+@click.option("--raw", is_flag=True, help="Punch the file's bytes untouched.")
+@click.option("--save", type=click.Path(path_type=Path), help="Store what the control took in this file.")
+@click.option(
+    "--blocks-per-second",
+    type=click.FloatRange(min=0, min_open=True),
+    help="Execution speed; without it blocks take no time.",
+)
+@click.option("--reset-after", type=_COUNT, metavar="BYTES", help="Press RESET after so many bytes of program.")
+@click.option("--alarm-after", type=_COUNT, metavar="BYTES", help="Go to alarm after so many bytes of program.")
+def cnc(
+    line: str,
+    protocol: str,
+    baud: int | None,
+    stopbits: str,
+    words: tuple[str, ...],
+    timeout: float | None,
+    as_json: bool,
+    operation: str,
+    file: str | None,
+    raw: bool,
+    save: Path | None,
+    blocks_per_second: float | None,
+    reset_after: int | None,
+    alarm_after: int | None,
+) -> int:
+    """Be a simulated control on LINE for one operation, and exit."""
+    settings = parse_words(words)
+    job = settings_for(
+        End.CONTROL, line, protocol, baud=baud, stopbits=int(stopbits), settings=settings, timeout_s=timeout
+    )
+    task = ControlTask(
+        operation=Operation(operation),
+        punch=_program(file, operation, job, raw),
+        save=save,
+        blocks_per_second=blocks_per_second,
+        reset_after=reset_after,
+        alarm_after=alarm_after,
+    )
+
+    async def work(output: Output, stop: asyncio.Event) -> Result:
+        return await run_control(task, job.observed_by(output.observe, stop))
+
+    return run_job(f"simulated control, {operation}", as_json, work)
+
+
+def _program(file: str | None, operation: str, job: JobSettings, raw: bool) -> Program | None:
+    if operation != Operation.PUNCH:
+        if file is not None:
+            raise UsageError("--file is what the control punches: it goes with --operation punch")
+        return None
+    if file is None:
+        raise UsageError("--operation punch needs --file, the program to punch")
+    if not job.protocol.punches_out:
+        raise UsageError(f"{job.protocol.name} has no punch-out")
+    return Program.from_file(file, job.protocol.data_code(job.params), raw=raw)

@@ -1,0 +1,316 @@
+"""What every line over a file descriptor has in common: reading, the bounded write, pacing, and the end.
+
+All calls return at once and every moment comes in as `now`: the kernel is asked, the clock never. What a kind of line
+does differently (how it ends, what its kernel queue says, which control lines it has) are the hooks at the bottom.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+from tapewire.engine import MILLISECOND, Closure, Nanos, SignalsIn, SignalsOut
+from tapewire.errors import UsageError
+from tapewire.line.pacing import RxPacer, TxPacer, character_time
+from tapewire.line.transport import Closed, Fault, LineItem, StopDistance
+
+__all__ = ["Arrivals", "DescriptorLine", "LineSettings"]
+
+BAUD_LIMITS: Final = (50, 4_000_000)
+"""From the slowest teleprinter rate termios knows to the fastest."""
+
+READ_SIZE: Final = 4096
+"""Bytes asked of the kernel at once; a terminal never gives more."""
+
+PENDING_BOUND: Final = 4096
+"""Characters a paced reception takes from the kernel ahead of their time. The rest stays there and holds the sender."""
+
+LOOK_BOUND: Final = 65536
+"""Characters an unpaced reception takes in one look, so that a flood cannot keep the loop from its other lines."""
+
+GROUP_TIME: Final[Nanos] = 2 * MILLISECOND
+"""Paced characters are passed on in groups of this duration: two late wake-ups long, 16 characters at 86400."""
+
+QUEUE_POLL: Final[Nanos] = 5 * MILLISECOND
+"""How often the kernel's queue is asked while it holds more than the model of the line says it should."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LineSettings:
+    """How a line is run, whatever kind it is.
+
+    `window` is the number of characters allowed in flight. `stopbits` 1 means 8E1 and 2 means 8N2 on a real port.
+    With `paced_reception` characters are taken no faster than `baud`. Raises UsageError.
+    """
+
+    baud: int
+    stopbits: int
+    window: int
+    paced_reception: bool = False
+
+    def __post_init__(self) -> None:
+        low, high = BAUD_LIMITS
+        if not low <= self.baud <= high:
+            raise UsageError(f"a line cannot run at {self.baud} baud: give a rate from {low} to {high}")
+        if self.stopbits not in (1, 2):
+            raise UsageError(f"a line cannot have {self.stopbits} stop bits: give 1 (8E1) or 2 (8N2)")
+        if self.window < 1:
+            raise UsageError(f"a line cannot run with a window of {self.window} characters: give 1 or more")
+
+
+class Arrivals:
+    """What came in and was not read yet, in its order. With a pacer, characters wait until a line would bring them;
+    signals and the end wait behind the characters before them.
+    """
+
+    def __init__(self, pacer: RxPacer | None = None) -> None:
+        self._pacer = pacer
+        self._bound = LOOK_BOUND if pacer is None else PENDING_BOUND
+        self._items: deque[LineItem] = deque()
+        self._characters = 0
+
+    @property
+    def room(self) -> int:
+        """How many more characters may be put in."""
+        return max(0, self._bound - self._characters)
+
+    def put(self, item: LineItem) -> None:
+        self._items.append(item)
+        self._characters += _characters(item)
+
+    def take(self, now: Nanos) -> list[LineItem]:
+        due = self._characters if self._pacer is None else self._pacer.due(self._characters, now)
+        items: list[LineItem] = []
+        while self._items:
+            item = self._items[0]
+            if isinstance(item, bytes) and len(item) > due:
+                self._items[0] = item[due:]
+                item = item[:due]
+            elif _characters(item) <= due:
+                self._items.popleft()
+            else:
+                break
+            if item == b"":
+                break
+            items.append(item)
+            due -= _characters(item)
+            self._characters -= _characters(item)
+        return items
+
+    def clear(self) -> None:
+        self._items.clear()
+        self._characters = 0
+
+    def next_deadline(self) -> Nanos | None:
+        """When the next group has come in; None while nothing waits."""
+        if self._pacer is None or not self._characters:
+            return None
+        group = max(1, GROUP_TIME // self._pacer.character)
+        return self._pacer.next_deadline(min(group, self._characters))
+
+
+def _characters(item: LineItem) -> int:
+    match item:
+        case bytes():
+            return len(item)
+        case Fault():
+            return 1
+        case _:
+            return 0
+
+
+class DescriptorLine:
+    """A Transport over a non-blocking file descriptor, which it owns.
+
+    What the kernel does not take stays here in a queue no longer than the window, and can be called back; what the
+    kernel took can be called back only where a kind of line says so.
+    """
+
+    def __init__(self, fd: int, settings: LineSettings) -> None:
+        character = character_time(settings.baud)
+        self._settings = settings
+        self._fd: int | None = fd
+        self._tx = TxPacer(character, settings.window)
+        self._arrivals = Arrivals(RxPacer(character) if settings.paced_reception else None)
+        self._now: Nanos = 0
+        self._room = 0
+        self._unsent = bytearray()
+        self._failure: Closed | None = None
+        self._ended = False
+        self._connected = True
+        self._signals: SignalsIn | None = None
+
+    @property
+    def connected(self) -> bool:
+        """The other side is there; nothing can be sent to it before."""
+        return self._connected
+
+    @property
+    def watched(self) -> int | None:
+        """The descriptor whose readiness means that `read` has something; None while waiting on it means nothing.
+
+        So it is when the line has ended, when a paced reception holds all it may, and before the other side is there.
+        """
+        waits = self._connected and not self._ended and self._arrivals.room
+        return self._fd if waits else None
+
+    def read(self, now: Nanos) -> list[LineItem]:
+        self._now = now
+        if self._fd is None:
+            return []
+        self._flush()
+        if self._signals is None:
+            self._look_at_signals()
+            self._collect(self._fd)
+        else:
+            self._collect(self._fd)
+            self._look_at_signals()
+        return self._arrivals.take(now)
+
+    def room(self, now: Nanos) -> int:
+        """The window less what is in flight, in pieces of at least half a window."""
+        self._now = now
+        open_to_send = self._fd is not None and self._connected and not (self._ended or self._failure)
+        cts = self._signals is None or self._signals.cts
+        free = self._settings.window - self.in_flight(now) if open_to_send and cts and not self._unsent else 0
+        self._room = free if 2 * free >= self._settings.window else 0
+        return self._room
+
+    def write(self, data: bytes, now: Nanos) -> None:
+        assert len(data) <= self._room, f"{len(data)} characters into room for {self._room}"
+        self._now = now
+        self._room -= len(data)
+        self._tx.hand_over(len(data), now)
+        self._unsent += data
+        self._flush()
+
+    def in_flight(self, now: Nanos) -> int:
+        """By the model of a line at its rate, and at least what the kernel and this end still hold."""
+        held = 0 if self._fd is None or self._ended else self._queued(self._fd) + len(self._unsent)
+        return max(self._tx.in_flight(now), held)
+
+    def discard(self, now: Nanos) -> int:
+        """Call back what the kernel did not take, and of what it took as much as this kind of line can."""
+        self._now = now
+        if self._fd is None or self._ended:
+            return 0
+        count = len(self._unsent) + self._recall(self._fd)
+        self._unsent.clear()
+        if count:
+            self._tx.call_back(count)
+        return count
+
+    def set_signals(self, signals: SignalsOut, now: Nanos) -> None:
+        """Nothing: only a real port has control lines."""
+
+    def next_deadline(self) -> Nanos | None:
+        if self._fd is None:
+            return None
+        if self._failure is not None and not self._ended:
+            return self._now
+        moments = [self._tx.next_deadline(self._now), self._arrivals.next_deadline()]
+        if not self._ended:
+            poll = self._poll_interval()
+            if self.in_flight(self._now) > self._tx.in_flight(self._now):
+                poll = QUEUE_POLL if poll is None else min(poll, QUEUE_POLL)
+            if poll is not None:
+                moments.append(self._now + poll)
+        return min((moment for moment in moments if moment is not None), default=None)
+
+    @property
+    def stop_distance(self) -> StopDistance:
+        return StopDistance(
+            characters=self._settings.window,
+            guaranteed=False,
+            how=f"paced by time at {self._settings.baud} baud; what lies beyond this computer cannot be asked",
+        )
+
+    def close(self, now: Nanos) -> None:
+        """Nothing is read or written any more. Whoever wants the last characters to leave waits for `in_flight` 0."""
+        fd, self._fd = self._fd, None
+        if fd is not None:
+            self._arrivals.clear()
+            self._unsent.clear()
+            self._release(fd)
+
+    def _collect(self, fd: int) -> None:
+        while not self._ended and (room := self._arrivals.room):
+            try:
+                data = os.read(fd, min(room, READ_SIZE))
+            except BlockingIOError:
+                self._connected = True
+                if self._failure is not None:
+                    self._end(self._failure)
+                return
+            except InterruptedError:
+                continue
+            except OSError as error:
+                closed = self._closed_by(error)
+                if closed is None:
+                    return
+                self._end(self._failure or closed)
+                return
+            if not data:
+                self._end(self._failure or self._closed_at_end())
+                return
+            self._connected = True
+            for item in self._decode(data):
+                self._arrivals.put(item)
+
+    def _end(self, closed: Closed) -> None:
+        self._ended = True
+        self._unsent.clear()
+        self._arrivals.put(closed)
+
+    def _flush(self) -> None:
+        while self._unsent and self._fd is not None and self._failure is None:
+            try:
+                del self._unsent[: os.write(self._fd, self._unsent)]
+            except BlockingIOError:
+                return
+            except OSError as error:
+                # What came in before can still be read: the end is told behind it, by `_collect`.
+                self._failure = self._closed_by(error) or self._closed_at_end()
+
+    def _look_at_signals(self) -> None:
+        if self._fd is None or self._ended:
+            return
+        signals = self._ask_signals(self._fd)
+        if signals is not None and signals != self._signals:
+            self._signals = signals
+            self._arrivals.put(signals)
+
+    # What kinds of line do differently.
+
+    def _decode(self, data: bytes) -> list[bytes | Fault]:
+        return [data]
+
+    def _closed_by(self, error: OSError) -> Closed | None:
+        """The end that an errno means; None for a line that is not there yet."""
+        return Closed(closure=Closure.LOST, reason=f"the line was lost: {os.strerror(error.errno or errno.EIO)}")
+
+    def _closed_at_end(self) -> Closed:
+        """The end that an end of file means."""
+        return Closed(closure=Closure.ORDERLY, reason="the other side closed the line")
+
+    def _queued(self, fd: int) -> int:
+        """Characters that the kernel took and has not got rid of."""
+        return 0
+
+    def _recall(self, fd: int) -> int:
+        """Call back what the kernel took. Returns how many characters will never leave."""
+        return 0
+
+    def _ask_signals(self, fd: int) -> SignalsIn | None:
+        """The control lines; None where there are none."""
+        return None
+
+    def _poll_interval(self) -> Nanos | None:
+        """How often this line must be looked at because nothing announces what it has to say."""
+        return None
+
+    def _release(self, fd: int) -> None:
+        os.close(fd)

@@ -1,0 +1,85 @@
+"""Runs one Link in real time under asyncio. It decides nothing: it wakes the link and sleeps again."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from typing import Final
+
+from tapewire.engine import SECOND, Nanos
+from tapewire.line.descriptor import DescriptorLine
+from tapewire.line.link import Link
+
+__all__ = ["LineDriver", "monotonic"]
+
+MAX_STEPS_WITHOUT_WAITING: Final = 1000
+"""Steps running whose next deadline was already due: beyond this one of them does not move."""
+
+
+def monotonic() -> Nanos:
+    """The clock of everything that runs in real time."""
+    return time.monotonic_ns()
+
+
+class LineDriver:
+    """Steps `link` when its line has something, when a deadline comes, and at `wake`.
+
+    Whoever acts on the engine from outside (`engine.abort(monotonic())`) says `wake` after it, from the same loop. The
+    line stays open when `run` ends, and `run` may be called again.
+    """
+
+    def __init__(self, link: Link, clock: Callable[[], Nanos] = monotonic) -> None:
+        self.link = link
+        self._clock = clock
+        self._woken = asyncio.Event()
+        self._watched: int | None = None
+
+    def wake(self) -> None:
+        """Step soon: something has changed that no descriptor and no deadline shows."""
+        self._woken.set()
+
+    async def run(self, until: Callable[[], bool]) -> None:
+        """Step until `until()`, which is asked after every step. What a step raises comes out here."""
+        overdue = 0
+        try:
+            while True:
+                self._woken.clear()
+                now = self._clock()
+                self.link.step(now)
+                if until():
+                    return
+                deadline = self.link.next_deadline()
+                overdue = overdue + 1 if deadline is not None and deadline <= now else 0
+                assert overdue <= MAX_STEPS_WITHOUT_WAITING, f"a deadline of {self.link.engine!r} does not move"
+                self._watch()
+                await self._wait(deadline, now)
+        finally:
+            self._unwatch()
+
+    async def _wait(self, deadline: Nanos | None, now: Nanos) -> None:
+        if deadline is None:
+            await self._woken.wait()
+        elif deadline <= now:
+            await asyncio.sleep(0)
+        else:
+            loop = asyncio.get_running_loop()
+            alarm = loop.call_at(loop.time() + (deadline - self._clock()) / SECOND, self._woken.set)
+            try:
+                await self._woken.wait()
+            finally:
+                alarm.cancel()
+
+    def _watch(self) -> None:
+        transport = self.link.transport
+        watched = transport.watched if isinstance(transport, DescriptorLine) and not self.link.closed else None
+        if watched != self._watched:
+            self._unwatch()
+            if watched is not None:
+                asyncio.get_running_loop().add_reader(watched, self._woken.set)
+                self._watched = watched
+
+    def _unwatch(self) -> None:
+        if self._watched is not None:
+            asyncio.get_running_loop().remove_reader(self._watched)
+            self._watched = None

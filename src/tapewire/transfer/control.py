@@ -1,0 +1,136 @@
+"""Be a simulated control on a line."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import IO, Final
+
+from tapewire.codes import EOB_CODES
+from tapewire.engine import Nanos
+from tapewire.errors import UsageError
+from tapewire.line.transport import Transport
+from tapewire.sim.machine import Control
+from tapewire.transfer.program import Program
+from tapewire.transfer.reports import Result
+from tapewire.transfer.session import JobSettings, Session
+
+__all__ = ["ControlTask", "Operation", "run_control"]
+
+
+class Operation(StrEnum):
+    """What the operator of the simulated control does."""
+
+    DNC = "dnc"
+    """Execute a program as it comes in."""
+    READ = "read"
+    """Read a program into memory."""
+    PUNCH = "punch"
+    """Punch a program out."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControlTask:
+    """What the simulated control does on its line.
+
+    `punch` is the program it punches; `save` where it stores what it took. `blocks_per_second` None means as fast as
+    the program comes. After `reset_after` or `alarm_after` bytes of program the operator presses RESET, or the
+    control goes to alarm.
+    """
+
+    operation: Operation = Operation.DNC
+    punch: Program | None = None
+    save: Path | None = None
+    blocks_per_second: float | None = None
+    reset_after: int | None = None
+    alarm_after: int | None = None
+
+    def __post_init__(self) -> None:
+        if (self.operation is Operation.PUNCH) is not (self.punch is not None):
+            raise UsageError("a control that punches needs the program to punch, and only then")
+        if self.operation is Operation.PUNCH and self.save is not None:
+            raise UsageError("a control that punches takes nothing that could be saved")
+
+
+class _Taken:
+    """What the control took: counted, hashed, and stored where the operator wants it."""
+
+    def __init__(self, path: Path | None) -> None:
+        self.digest = hashlib.sha256()
+        self.count = 0
+        self._path = path
+        self._file: IO[bytes] | None = None
+        if path is not None:
+            try:
+                self._file = open(path, "wb")  # noqa: SIM115 - closed by close
+            except OSError as error:
+                raise UsageError(f"{path}: cannot be written ({error.strerror})") from None
+
+    def write(self, data: bytes) -> None:
+        self.digest.update(data)
+        self.count += len(data)
+        if self._file is not None:
+            self._file.write(data)
+
+    def close(self) -> None:
+        if self._file is not None:
+            self._file.close()
+
+
+STOP_CHARACTERS: Final = 3
+"""A control stops its punch-out within two characters of CS OFF (6.1.1 2) (3) (a)): so many may be in flight."""
+
+LINGER_S: Final = 1.0
+"""After its end a control listens so long for the host to close, so that its last codes are not lost with the line."""
+
+
+async def run_control(task: ControlTask, job: JobSettings) -> Result:
+    """Open the line of `job`, do `task`, and say how it ended. Raises LineError, UsageError."""
+    cnc = job.protocol.cnc(job.params)
+    taken = _Taken(task.save)
+    control = Control(
+        cnc,
+        taken,
+        blocks_per_second=task.blocks_per_second if task.operation is Operation.DNC else None,
+        eob=EOB_CODES[job.protocol.data_code(job.params)] or b"\n",
+        reset_after=task.reset_after,
+        alarm_after=task.alarm_after,
+    )
+    session = Session(
+        job,
+        cnc,
+        tolerated=STOP_CHARACTERS,
+        give_up=cnc.reset,
+        bytes_done=lambda: cnc.progress,
+        total=task.punch.byte_count if task.punch is not None else None,
+        application=control,
+        paced_reception=True,
+        linger_s=LINGER_S,
+        details=lambda: {"buffered": cnc.buffered, "blocks": control.blocks_executed},
+    )
+
+    def begin(transport: Transport, now: Nanos) -> None:
+        if task.punch is not None:
+            task.punch.rewind()
+            cnc.punch(task.punch, now)
+        else:
+            cnc.cycle_start(now)
+
+    try:
+        ended = await session.run(begin)
+    finally:
+        taken.close()
+    session.report_progress()
+    punched = task.punch.sha256(ended.bytes_low) if task.punch is not None else None
+    return Result(
+        outcome=ended.outcome,
+        reason=ended.reason,
+        bytes=ended.bytes_low,
+        bytes_handed=ended.bytes_high,
+        sha256=punched or taken.digest.hexdigest(),
+        seconds=session.seconds,
+        stops=session.stops,
+        utilisation=None,
+    )

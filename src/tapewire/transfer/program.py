@@ -1,0 +1,79 @@
+"""A program as it goes out: read once, prepared, and kept apart from the file, which may change meanwhile."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import tempfile
+from pathlib import Path
+from typing import IO, Final
+
+from tapewire.codes import DataCode
+from tapewire.errors import ProgramError, UsageError
+from tapewire.fanuc.tape import inspect_raw, prepare
+
+__all__ = ["Program"]
+
+IN_MEMORY_BYTES: Final = 16 << 20
+"""A larger program waits in a temporary file."""
+
+CHUNK_BYTES: Final = 1 << 16
+
+
+class Program:
+    """What will be sent, byte for byte. `changes` says how it differs from the file, `notes` what to know about it."""
+
+    def __init__(self, name: str, spool: IO[bytes], changes: tuple[str, ...], notes: tuple[str, ...]) -> None:
+        self.name = name
+        self.changes = changes
+        self.notes = notes
+        self._spool = spool
+        self.byte_count = spool.seek(0, 2)
+
+    @classmethod
+    def from_file(cls, path: str | Path, code: DataCode = DataCode.ASCII, *, raw: bool = False) -> Program:
+        """The program in the file `path`, prepared for a control that reads `code`; untouched when `raw`.
+
+        Raises ProgramError when it cannot be sent as it is, UsageError when the file cannot be read.
+        """
+        try:
+            with open(path, "rb") as file:
+                return cls._spooled(Path(path).name, file, code, raw)
+        except ProgramError as error:
+            raise ProgramError(f"{path}: {error}", line=error.line, column=error.column) from None
+        except OSError as error:
+            raise UsageError(f"{path}: cannot be read ({error.strerror})") from None
+
+    @classmethod
+    def _spooled(cls, name: str, file: IO[bytes], code: DataCode, raw: bool) -> Program:
+        spool: IO[bytes] = tempfile.SpooledTemporaryFile(IN_MEMORY_BYTES)  # noqa: SIM115 - the program owns it
+        try:
+            if raw:
+                shutil.copyfileobj(file, spool)
+                spool.seek(0)
+                return cls(name, spool, (), inspect_raw(spool.read, code).notes)
+            return cls(name, spool, prepare(file.read, spool.write, code).changes, ())
+        except BaseException:
+            spool.close()
+            raise
+
+    def rewind(self) -> None:
+        """Begin again at the first byte."""
+        self._spool.seek(0)
+
+    def read(self, size: int) -> bytes:
+        """The next bytes, at most `size`: the source a host engine sends from."""
+        return self._spool.read(size)
+
+    def sha256(self, count: int | None = None) -> str:
+        """Of the first `count` bytes; of all of them without it."""
+        left = self.byte_count if count is None else count
+        digest = hashlib.sha256()
+        self.rewind()
+        while left and (chunk := self._spool.read(min(left, CHUNK_BYTES))):
+            digest.update(chunk)
+            left -= len(chunk)
+        return digest.hexdigest()
+
+    def close(self) -> None:
+        self._spool.close()

@@ -1,0 +1,195 @@
+"""Take what one control punches out and store it, whole or visibly not whole."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import queue
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from tapewire.codes import DataCode
+from tapewire.engine import Ended, HostEngine, Nanos, Outcome
+from tapewire.errors import UsageError
+from tapewire.fanuc.tape import Damage, PunchReader
+from tapewire.line.transport import Transport
+from tapewire.transfer.reports import Result
+from tapewire.transfer.session import JobSettings, Session
+
+__all__ = ["receive_program"]
+
+PAUSE_AT_BYTES: Final = 64 * 1024
+"""So many bytes waiting for the disk pause the punch-out."""
+
+RELEASE_AT_BYTES: Final = 16 * 1024
+"""It goes on when the disk has caught up to this."""
+
+GIVE_UP_AT_BYTES: Final = 1024 * 1024
+"""A control that does not heed the pause ends the job here, before the memory does."""
+
+
+async def receive_program(path: Path, job: JobSettings, *, raw: bool = False, force: bool = False) -> Result:
+    """Store the next punch-out in `path`: text with LF line ends, without leader and trailer; untouched when `raw`.
+
+    It grows in `path`.part and gets its name when it is complete; otherwise it stays there. An existing `path` is
+    only replaced with `force`. Raises UsageError for a path that cannot be written, LineError for a line that cannot
+    be opened.
+    """
+    if not job.protocol.punches_out:
+        raise UsageError(f"{job.protocol.name} has no punch-out: nothing can be received by it")
+    code = job.protocol.data_code(job.params)
+    host = job.protocol.host(job.params)
+    store = _Store(path, None if raw else code, force)
+    backlog = _Backlog(host, store)
+    session = Session(
+        job,
+        host,
+        tolerated=host.needs_stop_distance,
+        give_up=host.abort,
+        bytes_done=lambda: host.progress,
+        application=backlog,
+    )
+
+    def begin(transport: Transport, now: Nanos) -> None:
+        store.on_progress = session.driver.wake_from_thread
+        host.receive(store, now)
+
+    try:
+        ended = await session.run(begin)
+    finally:
+        store.finish()
+    session.report_progress()
+    return store.result(_verdict(ended, store, backlog), session)
+
+
+def _verdict(ended: Ended, store: _Store, backlog: _Backlog) -> tuple[Outcome, str]:
+    """What the engine says of the line and what the store says of the text make one outcome."""
+    if backlog.overflowed:
+        return Outcome.FAILED, "the disk could not keep up and the control did not heed the pause"
+    if store.error is not None:
+        return Outcome.FAILED, f"{store.path}: cannot be stored ({store.error.strerror})"
+    if ended.outcome is Outcome.COMPLETE and store.damage:
+        return Outcome.FAILED, "received to its end, but damaged: " + "; ".join(map(str, store.damage))
+    return ended.outcome, ended.reason
+
+
+class _Backlog:
+    """Pauses the punch-out while too much waits for the disk. A Link's application."""
+
+    def __init__(self, host: HostEngine, store: _Store) -> None:
+        self._host = host
+        self._store = store
+        self.overflowed = False
+
+    def step(self, now: Nanos) -> None:
+        waiting = self._store.waiting
+        if (waiting >= GIVE_UP_AT_BYTES or self._store.error is not None) and not self.overflowed:
+            self.overflowed = self._store.error is None
+            self._host.abort(now)
+        elif waiting >= PAUSE_AT_BYTES:
+            self._host.hold_reception(now)
+        elif waiting <= RELEASE_AT_BYTES:
+            self._host.release(now)
+
+    def next_deadline(self) -> Nanos | None:
+        return None
+
+
+class _Store:
+    """A sink that a thread empties into a file, so that a slow disk never stops the line's loop."""
+
+    def __init__(self, path: Path, code: DataCode | None, force: bool) -> None:
+        if path.exists() and not force:
+            raise UsageError(f"{path} exists; name another file, or say --force to replace it")
+        self.path = path
+        self.part = path.with_name(path.name + ".part")
+        self.error: OSError | None = None
+        self.damage: tuple[Damage, ...] = ()
+        self.on_progress: Callable[[], None] = lambda: None
+        self._force = force
+        try:
+            self._file = open(self.part, "wb")  # noqa: SIM115 - closed by finish
+        except OSError as error:
+            raise UsageError(f"{self.part}: cannot be written ({error.strerror})") from None
+        self._reader = None if code in (None, DataCode.BINARY) else PunchReader(code, self._put)
+        self._digest = hashlib.sha256()
+        self._stored = 0
+        self._taken = 0
+        self._written = 0
+        self._queue: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name="tapewire-store", daemon=True)
+        self._thread.start()
+
+    @property
+    def waiting(self) -> int:
+        """Bytes received and not yet given to the file system."""
+        return self._taken - self._written
+
+    def write(self, data: bytes) -> None:
+        self._taken += len(data)
+        self._queue.put(data)
+
+    def _work(self) -> None:
+        while (data := self._queue.get()) is not None:
+            if self.error is None:
+                try:
+                    self._reader.feed(data) if self._reader is not None else self._put(data)
+                except OSError as error:
+                    self.error = error
+            self._written += len(data)
+            self.on_progress()
+
+    def _put(self, data: bytes) -> None:
+        self._file.write(data)
+        self._digest.update(data)
+        self._stored += len(data)
+
+    def finish(self) -> None:
+        """Wait for the disk. Harmless when done twice."""
+        if self._file.closed:
+            return
+        self._queue.put(None)
+        self._thread.join()
+        try:
+            if self._reader is not None and self.error is None:
+                self.damage = self._reader.finish()
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            self.error = error
+        finally:
+            self._file.close()
+
+    def result(self, verdict: tuple[Outcome, str], session: Session) -> Result:
+        """Give the file its name when it is complete."""
+        outcome, reason = verdict
+        if outcome is Outcome.COMPLETE:
+            try:
+                self._name()
+            except OSError as error:
+                outcome = Outcome.FAILED
+                reason = f"{self.path}: cannot be named so ({error.strerror}); it is in {self.part}"
+        elif self._stored:
+            reason += f"; what came is in {self.part}"
+        else:
+            self.part.unlink(missing_ok=True)
+        return Result(
+            outcome=outcome,
+            reason=reason,
+            bytes=self._stored,
+            bytes_handed=self._stored,
+            sha256=self._digest.hexdigest(),
+            seconds=session.seconds,
+            stops=session.stops,
+            utilisation=None,
+        )
+
+    def _name(self) -> None:
+        """Without force the name is linked, which fails when it has come into being meanwhile."""
+        if self._force:
+            self.part.replace(self.path)
+            return
+        self.path.hardlink_to(self.part)
+        self.part.unlink()

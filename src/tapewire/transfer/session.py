@@ -1,0 +1,233 @@
+"""One engine, one line, one job: open, run until the engine says how it ended, close."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+from tapewire.engine import SECOND, Ended, Engine, Event, Held, Nanos, Outcome, Resumed
+from tapewire.line.driver import LineDriver, monotonic
+from tapewire.line.link import Application, Link
+from tapewire.line.open import LineAddress, open_line, parse_line
+from tapewire.line.pacing import character_time, default_window
+from tapewire.line.transport import Transport
+from tapewire.protocols import ProtocolEntry, protocol
+from tapewire.protocols.settings import End
+from tapewire.transfer.meter import Meter
+from tapewire.transfer.reports import Observer, Progress, Ready, nothing
+
+__all__ = ["JobSettings", "Session", "settings_for"]
+
+PROGRESS_INTERVAL_S: Final = 0.2
+"""At most five progress reports a second."""
+
+ABORT_LIMIT_S: Final = 3.0
+"""An engine that was told to give up ends within a second; after this much the line itself is stuck."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobSettings:
+    """What a job needs to know of its line and its protocol. `params` is the protocol's own record."""
+
+    line: LineAddress
+    protocol: ProtocolEntry
+    params: Any
+    baud: int
+    stopbits: int = 1
+    timeout_s: float | None = None
+    observer: Observer = nothing
+    stop: asyncio.Event = field(default_factory=asyncio.Event)
+    """Set it to give the job up in an orderly way: nothing leaves after its end."""
+
+    def observed_by(self, observer: Observer, stop: asyncio.Event) -> JobSettings:
+        return replace(self, observer=observer, stop=stop)
+
+
+def settings_for(
+    end: End,
+    line: str,
+    protocol_name: str,
+    *,
+    baud: int | None = None,
+    stopbits: int = 1,
+    settings: dict[str, str] | None = None,
+    timeout_s: float | None = None,
+) -> JobSettings:
+    """A job's settings from words as users type them. Raises UsageError."""
+    entry = protocol(protocol_name)
+    return JobSettings(
+        line=parse_line(line),
+        protocol=entry,
+        params=entry.params(settings or {}, end),
+        baud=baud or entry.baud,
+        stopbits=stopbits,
+        timeout_s=timeout_s,
+    )
+
+
+class Session:
+    """Runs one engine on the line of `job`.
+
+    `give_up(now)` is called when the job is to be ended from here. `tolerated` is what the other side takes after its
+    stop request, `total` the size of the job where it is known. After the end the line is kept for `linger_s`, or
+    until the other side closes it.
+    """
+
+    def __init__(
+        self,
+        job: JobSettings,
+        engine: Engine,
+        *,
+        tolerated: int,
+        give_up: Callable[[Nanos], None],
+        bytes_done: Callable[[], int],
+        total: int | None = None,
+        application: Application | None = None,
+        paced_reception: bool = False,
+        linger_s: float = 0.0,
+        details: Callable[[], dict[str, int]] = dict,
+    ) -> None:
+        self.job = job
+        self.engine = engine
+        self.link: Link
+        self.driver: LineDriver
+        self.ended: Ended | None = None
+        self.stops = 0
+        self._give_up = give_up
+        self._bytes_done = bytes_done
+        self._total = total
+        self._application = application
+        self._paced_reception = paced_reception
+        self._linger_s = linger_s
+        self._details = details
+        self._window = default_window(job.baud, tolerated)
+        self.meter = Meter(character_time(job.baud), self._window)
+        self._began = monotonic()
+        self._overruled: tuple[Outcome, str] | None = None
+
+    @property
+    def seconds(self) -> float:
+        return (monotonic() - self._began) / SECOND
+
+    async def run(self, begin: Callable[[Transport, Nanos], None]) -> Ended:
+        """Open, run, close. `begin` is called with the open line. Raises LineError, UsageError."""
+        transport = await self._open()
+        if isinstance(transport, Ended):
+            return transport
+        try:
+            self.link = Link(
+                self.engine,
+                transport,
+                application=self._application,
+                on_event=self._on_event,
+                on_sent=self.meter.count,
+            )
+            self.driver = LineDriver(self.link)
+            begin(transport, monotonic())
+            await self._drive()
+        finally:
+            transport.close(monotonic())
+        assert self.ended is not None
+        return self.ended
+
+    async def _open(self) -> Transport | Ended:
+        opening = asyncio.ensure_future(
+            open_line(
+                self.job.line,
+                baud=self.job.baud,
+                stopbits=self.job.stopbits,
+                window=self._window,
+                paced_reception=self._paced_reception,
+                on_ready=lambda line: self.job.observer(Ready(line=line), monotonic()),
+            )
+        )
+        await self._race(opening)
+        if opening.done():
+            return opening.result()
+        opening.cancel()
+        await asyncio.wait([opening])
+        if not opening.cancelled() and opening.exception() is None:
+            opening.result().close(monotonic())
+        outcome, reason = self._overruled or (Outcome.CANCELLED, "given up here before the line was open")
+        return Ended(outcome=outcome, reason=reason, bytes_low=0, bytes_high=0)
+
+    async def _drive(self) -> None:
+        driving = asyncio.ensure_future(self.driver.run(lambda: self.ended is not None))
+        ticker = asyncio.ensure_future(self._tick())
+        try:
+            await self._race(driving)
+            if not driving.done():
+                self._abort()
+                await asyncio.wait([driving], timeout=ABORT_LIMIT_S)
+        except asyncio.CancelledError:
+            self._abort()
+            await asyncio.wait([driving], timeout=ABORT_LIMIT_S)
+            raise
+        finally:
+            ticker.cancel()
+            driving.cancel()
+            await asyncio.wait([driving, ticker])
+        if not driving.cancelled():
+            driving.result()
+        if self._linger_s and not self.link.closed:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self.driver.run(lambda: self.link.closed), self._linger_s)
+
+    async def _race(self, work: asyncio.Future[Any]) -> None:
+        """Until `work` is done, the caller wants to stop, or the time is up."""
+        stopping = asyncio.ensure_future(self.job.stop.wait())
+        left = None if self.job.timeout_s is None else max(0.0, self.job.timeout_s - self.seconds)
+        try:
+            await asyncio.wait([work, stopping], timeout=left, return_when=asyncio.FIRST_COMPLETED)
+            if not work.done() and not stopping.done():
+                self._overruled = Outcome.FAILED, f"not complete within {self.job.timeout_s:g} s"
+        finally:
+            stopping.cancel()
+
+    def _abort(self) -> None:
+        if self.ended is None:
+            self._give_up(monotonic())
+            self.driver.wake()
+
+    async def _tick(self) -> None:
+        while True:
+            await asyncio.sleep(PROGRESS_INTERVAL_S)
+            self.report_progress()
+
+    def report_progress(self) -> None:
+        now = monotonic()
+        done, rate = self._bytes_done(), self.meter.rate
+        left = self._total - done if self._total is not None else None
+        self.job.observer(
+            Progress(
+                bytes=done,
+                total=self._total,
+                held=self.meter.held,
+                rate=rate,
+                share=rate * self.meter.character / SECOND,
+                left_s=left / rate if left is not None and rate > 0 else None,
+                **self._details(),
+            ),
+            now,
+        )
+
+    def _on_event(self, event: Event, now: Nanos) -> None:
+        match event:
+            case Held():
+                self.stops += 1
+                self.meter.hold(self.link.transport.in_flight(now), now)
+            case Resumed():
+                self.meter.resume(now)
+            case Ended(bytes_low=low, bytes_high=high) if self.ended is None:
+                if self._overruled is not None and event.outcome is Outcome.CANCELLED:
+                    outcome, reason = self._overruled
+                    event = Ended(outcome=outcome, reason=reason, bytes_low=low, bytes_high=high)
+                self.ended = event
+                return
+            case _:
+                pass
+        if self.ended is None:
+            self.job.observer(event, now)
