@@ -38,8 +38,8 @@ def demo(protocol: str, baud: int | None, blocks_per_second: float) -> int:
     """Feed an example program of 245 KB to a simulated control and watch both ends of the line."""
     with tempfile.TemporaryDirectory(prefix="tapewire-demo-") as folder:
         port = str(Path(folder) / "control")
-        host = settings_for(End.HOST, port, protocol, baud=baud)
-        cnc = settings_for(End.CONTROL, f"pty:{port}", protocol, baud=baud)
+        host = settings_for(End.HOST, port, protocol, settings={}, baud=baud)
+        cnc = settings_for(End.CONTROL, f"pty:{port}", protocol, settings={}, baud=baud)
         program = Program.from_file(example_program())
         view = DemoView(program, host)
         stop = asyncio.Event()

@@ -164,7 +164,7 @@ class World:
                 return
         raise AssertionError(f"no end of steps at {self.now} ns:\n{pair.transcript}")
 
-    def run_until(self, done: Callable[[], bool], *, limit: Nanos = 24 * 3600 * SECOND) -> None:
+    def run_until(self, done: Callable[[], object], *, limit: Nanos = 24 * 3600 * SECOND) -> None:
         """Run until `done()`. Raises AssertionError when the world falls quiet or `limit` ns pass before that."""
         end = self.now + limit
         while not done():

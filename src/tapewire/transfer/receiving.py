@@ -109,7 +109,7 @@ class _Store:
         self.part = path.with_name(path.name + ".part")
         self.error: OSError | None = None
         self.damage: tuple[Damage, ...] = ()
-        self.on_progress: Callable[[], None] = lambda: None
+        self.on_progress: Callable[[], object] = lambda: None
         self._force = force
         try:
             self._file = open(self.part, "wb")  # noqa: SIM115 - closed by finish
