@@ -116,8 +116,8 @@ class FanucBHost:
             self._certain = None
 
     def hold_reception(self, now: Nanos) -> None:
-        """Pause the punch-out (6.1.1 2) (3)). The control may still send its overrun."""
-        self._pause_wanted = self._state is State.RECEIVING
+        """Pause the punch-out, or the next one (6.1.1 2) (3)). The control may still send its overrun."""
+        self._pause_wanted = self._state in (State.LISTENING, State.RECEIVING)
 
     def release(self, now: Nanos) -> None:
         """Let the paused punch-out go on (6.1.1 2) (4), 6.1.2 (4))."""
