@@ -68,10 +68,11 @@ def wrong_arguments(arguments: list[str], cli: click.Group) -> Iterator[str]:
             elif not equals and not (option.is_flag or option.count):
                 next(words, None)
         elif isinstance(command, click.Group):
-            if word not in command.commands:
+            found = command.get_command(click.Context(command), word)
+            if found is None:
                 yield f"there is no command {word}"
                 return
-            command = command.commands[word]
+            command = found
 
 
 def options_of(command: click.Command) -> dict[str, click.Option]:
@@ -107,7 +108,7 @@ def unnamed_files(layout: str) -> list[str]:
 
 
 def invented_files(layout: str) -> list[str]:
-    there = {path.name for path in python_files("src", "tests", "benchmarks", "examples")}
+    there = {path.name for path in python_files("src", "tests", "benchmarks", "examples", "docs")}
     return [name for name in re.findall(r"\b\w+\.py\b", layout) if name not in there]
 
 
