@@ -317,6 +317,8 @@ class FanucBHost:
         match self._state:
             case State.DELIVERED | State.CLOSING:
                 self._on_closing_dc3(now)
+            case State.RECEIVING:
+                self._end(Outcome.FAILED, "the control stopped in the middle of its punch-out (DC3)", now)
             case State.HELD if self._blind:
                 self._end(Outcome.FAILED, f"a second DC3 with no DC1 between: {_LOOKS_LIKE_RESET}", now)
             case State.HELD:

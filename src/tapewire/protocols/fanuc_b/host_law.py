@@ -60,6 +60,7 @@ LAW: Final[dict[tuple[State, ControlCode], frozenset[State]]] = {
     (State.CLOSING, _DC1): frozenset({State.DELIVERED}),
     (State.CLOSING, _DC3): frozenset({State.CLOSING}) | _ENDING,
     (State.LISTENING, _DC2): frozenset({State.RECEIVING}),
+    (State.RECEIVING, _DC3): _ENDING,
     (State.RECEIVING, _DC4): frozenset({State.AFTER_DC4}),
     **{
         (state, code): frozenset({state}) if state in (State.IDLE, State.ARMED, State.LISTENING) else _ENDING
