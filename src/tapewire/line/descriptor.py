@@ -199,8 +199,7 @@ class DescriptorLine:
             return 0
         count = len(self._unsent) + self._recall(self._fd)
         self._unsent.clear()
-        if count:
-            self._tx.call_back(count)
+        self._tx.call_back(count)
         return count
 
     def set_signals(self, signals: SignalsOut, now: Nanos) -> None:

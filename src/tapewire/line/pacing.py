@@ -66,8 +66,9 @@ class TxPacer:
         return begins
 
     def call_back(self, count: int) -> None:
-        assert self._free_at is not None
-        self._free_at -= count * self.character
+        if count:
+            assert self._free_at is not None, "nothing was handed over"
+            self._free_at -= count * self.character
 
     def next_deadline(self, now: Nanos) -> Nanos | None:
         """When half the window is free again, then when all has left; None while nothing is in flight."""
