@@ -18,7 +18,7 @@ __all__ = ["receive"]
 
 
 @click.command()
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=click.Path(readable=False, path_type=Path))
 @line_options
 @click.option("--raw", is_flag=True, help="Store the bytes as they came.")
 @click.option("--force", is_flag=True, help="Replace FILE if it exists.")
