@@ -6,13 +6,14 @@ A field declared with `setting` carries all that the parser, the error texts and
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, ClassVar, Protocol, TypeVar
 
 from tapewire.errors import UsageError
 
-__all__ = ["End", "Switch", "describe_settings", "parse_settings", "setting"]
+__all__ = ["End", "Form", "Switch", "describe_settings", "parse_settings", "setting"]
 
 
 class End(StrEnum):
@@ -30,6 +31,18 @@ class Switch(StrEnum):
     OFF = "off"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Form:
+    """How a value that is neither a number nor a word of a fixed list is written."""
+
+    values: str
+    """What may be written, for the manual and for errors."""
+    parse: Callable[[str], object]
+    """Raises ValueError saying what is wrong."""
+    word: Callable[[Any], str]
+    """The other way: what `parse` would take."""
+
+
 class DataclassInstance(Protocol):
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
@@ -45,13 +58,15 @@ def setting(
     key: str | None = None,
     unit: str = "",
     limits: tuple[float, float] | None = None,
+    form: Form | None = None,
 ) -> Any:
     """A dataclass field that `--set` can reach.
 
     `default` gives the type: a StrEnum member offers its words, an int or a float is a number in `unit` within
-    `limits`. `why` is one sentence for the manual: what it means and why this default.
+    `limits`, and anything else is written in a `form`. `why` is one sentence for the manual: what it means and why
+    this default.
     """
-    metadata = {"why": why, "end": end, "key": key, "unit": unit, "limits": limits}
+    metadata = {"why": why, "end": end, "key": key, "unit": unit, "limits": limits, "form": form}
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -75,7 +90,7 @@ def parse_settings(record: type[Record], settings: Mapping[str, str], end: End, 
 def describe_settings(record: type[DataclassInstance]) -> list[tuple[str, str, str, str, str]]:
     """(key, values, default, end, why) of every setting, in the order of declaration: the table of the manual."""
     return [
-        (_key(field), _values(field), _word(field.default), str(field.metadata["end"]), field.metadata["why"])
+        (_key(field), _values(field), _word(field), str(field.metadata["end"]), field.metadata["why"])
         for field in _settable(record)
     ]
 
@@ -88,11 +103,14 @@ def _key(field: dataclasses.Field[Any]) -> str:
     return str(field.metadata["key"] or field.name)
 
 
-def _word(value: object) -> str:
-    return str(value)
+def _word(field: dataclasses.Field[Any]) -> str:
+    form: Form | None = field.metadata["form"]
+    return str(field.default) if form is None else form.word(field.default)
 
 
 def _values(field: dataclasses.Field[Any]) -> str:
+    if field.metadata["form"] is not None:
+        return str(field.metadata["form"].values)
     if isinstance(field.default, StrEnum):
         return " ".join(type(field.default))
     low, high = field.metadata["limits"]
@@ -102,6 +120,12 @@ def _values(field: dataclasses.Field[Any]) -> str:
 def _parse(field: dataclasses.Field[Any], text: str) -> object:
     default: Any = field.default
     key = _key(field)
+    form: Form | None = field.metadata["form"]
+    if form is not None:
+        try:
+            return form.parse(text)
+        except ValueError as error:
+            raise UsageError(f"{key}={text}: {error}") from None
     if isinstance(default, StrEnum):
         words = type(default)
         if text not in list(words):
