@@ -20,7 +20,7 @@ __all__ = ["CODE", "CODES", "CODE_STRING", "ROLES", "CodeTable", "Role", "hex_of
 SPACE: Final = 0x20
 SEVEN_BITS: Final = 0x7F
 
-_BY_NAME: Final = {name_of(byte).split()[0]: byte for byte in (*range(SPACE), SEVEN_BITS)}
+_BY_NAME: Final[Mapping[str, int]] = {name_of(byte).split()[0]: byte for byte in (*range(SPACE), SEVEN_BITS)}
 
 
 def hex_of(characters: Iterable[int]) -> str:

@@ -21,14 +21,13 @@ from typing import Final
 from tapewire.codes import with_even_parity
 from tapewire.errors import UsageError
 from tapewire.protocols.bridgeport.code_table import CODE_STRING, CodeTable
-from tapewire.protocols.bridgeport.records import RECORD_BYTES, Cut, Lrc
+from tapewire.protocols.bridgeport.records import RECORD_BYTES, Cut, DncEnd, Lrc
 from tapewire.protocols.settings import End, Form, Switch, parse_settings, setting
 
 __all__ = [
     "DUMB",
     "NAME_BYTES",
     "STOP_CHARACTERS",
-    "DncEnd",
     "FirstRecord",
     "Mode",
     "Name",
@@ -110,19 +109,6 @@ class Parity(StrEnum):
     """The UART: seven data bits and even parity."""
     SOFTWARE = "software"
     """This program, on a line of eight data bits without parity."""
-
-
-class DncEnd(StrEnum):
-    """How a program ends in DNC LINK, of which the text says nothing."""
-
-    EOT_ON_ACK = "eot_on_ack"
-    """The last ACK is answered by EOT."""
-    EOT_AFTER_LRC = "eot_after_lrc"
-    """EOT stands right behind the last check character."""
-    ETX_LAST = "etx_last"
-    """The last record ends with ETX; its ACK is answered by EOT."""
-    EMPTY_THEN_EOT = "empty_then_eot"
-    """A record without text follows the last one; its ACK is answered by EOT."""
 
 
 class FirstRecord(StrEnum):

@@ -23,6 +23,7 @@ __all__ = [
     "LRC_CANDIDATES",
     "RECORD_BYTES",
     "Cut",
+    "DncEnd",
     "Lrc",
     "ReadRecord",
     "RecordReader",
@@ -31,6 +32,7 @@ __all__ = [
     "encode_record",
     "harmless_length",
     "lrc_of",
+    "record_end_codes",
 ]
 
 RECORD_BYTES: Final = 256
@@ -96,6 +98,19 @@ def encode_record(data: bytes, end_code: int, lrc: Lrc) -> bytes:
     return data + bytes([end_code, lrc_of(data, end_code, lrc)])
 
 
+class DncEnd(StrEnum):
+    """How a program ends in DNC LINK, of which the text says nothing."""
+
+    EOT_ON_ACK = "eot_on_ack"
+    """The last ACK is answered by EOT."""
+    EOT_AFTER_LRC = "eot_after_lrc"
+    """EOT stands right behind the last check character."""
+    ETX_LAST = "etx_last"
+    """The last record ends with ETX; its ACK is answered by EOT."""
+    EMPTY_THEN_EOT = "empty_then_eot"
+    """A record without text follows the last one; its ACK is answered by EOT."""
+
+
 class Cut(StrEnum):
     """Where a program is cut into records."""
 
@@ -133,6 +148,13 @@ def harmless_length(text: bytes, longest: int, end_code: int, lrc: Lrc, harmful:
     return best or next((length for length in lengths if harmless(length)), longest)
 
 
+def record_end_codes(codes: CodeTable, dnc_end: DncEnd) -> frozenset[int]:
+    """What ends a record. ETX in the middle of one is a damaged character unless it ends the last."""
+    if dnc_end is DncEnd.ETX_LAST:
+        return frozenset((codes.rec_end, codes.rec_end_last))
+    return frozenset((codes.rec_end,))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadRecord:
     """A record that came in whole: its text, and whether it is `good`."""
@@ -158,8 +180,9 @@ class RecordReader:
     `feed` up to and including its last item: a caller that must act between two items feeds up to each.
     """
 
-    def __init__(self, codes: CodeTable, lrc: Lrc) -> None:
+    def __init__(self, codes: CodeTable, lrc: Lrc, dnc_end: DncEnd) -> None:
         self._codes = codes
+        self._end_codes = record_end_codes(codes, dnc_end)
         self._lrc = lrc
         self._data = bytearray()
         self._end_code: int | None = None
@@ -196,7 +219,7 @@ class RecordReader:
         """The item that `character` makes whole."""
         if self._end_code is not None:
             return self._finish(character)
-        if character in (self._codes.rec_end, self._codes.rec_end_last):
+        if character in self._end_codes:
             self._end_code = character
         elif character == self._codes.text_end and not self.begun:
             return TextEnded()
@@ -211,4 +234,4 @@ class RecordReader:
         data, end_code = bytes(self._data), self._end_code
         good = not self._spoilt and character == lrc_of(data, end_code, self._lrc)
         self.forget()
-        return ReadRecord(data=data, good=good, last=end_code == self._codes.rec_end_last)
+        return ReadRecord(data=data, good=good, last=end_code != self._codes.rec_end)

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 from tapewire.codes import CR, LF, TAB, name_of
-from tapewire.protocols.bridgeport.code_table import SEVEN_BITS, SPACE, CodeTable
+from tapewire.protocols.bridgeport.code_table import SEVEN_BITS, SPACE
+from tapewire.protocols.bridgeport.messages import Params
+from tapewire.protocols.bridgeport.records import record_end_codes
 
 __all__ = ["Words"]
 
@@ -16,12 +18,11 @@ _NAMES: Final = {byte: name_of(byte).split()[0] for byte in range(SEVEN_BITS + 1
 class Words:
     """Reads both directions of one line. Parity is not shown.
 
-    Only the host sends records, so only there a check character is known by its place. It is a check character too
-    where it follows the end code of a last record, but not where that code does not end a record.
+    Only the host sends records, so only there a check character is known by its place.
     """
 
-    def __init__(self, codes: CodeTable, *, etx_ends_records: bool = False) -> None:
-        self._ends_record = {codes.rec_end, codes.rec_end_last} if etx_ends_records else {codes.rec_end}
+    def __init__(self, params: Params) -> None:
+        self._end_codes = record_end_codes(params, params.dnc_end)
         self._lrc_next = False
 
     def host(self, data: bytes) -> list[str | bytes]:
@@ -34,7 +35,7 @@ class Words:
                 self._lrc_next = False
             else:
                 _append(words, character)
-                self._lrc_next = character in self._ends_record
+                self._lrc_next = character in self._end_codes
         return words
 
     def control(self, data: bytes) -> list[str | bytes]:
