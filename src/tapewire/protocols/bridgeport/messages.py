@@ -29,10 +29,13 @@ __all__ = [
     "NAME_BYTES",
     "STOP_CHARACTERS",
     "FirstRecord",
+    "Hold",
     "Mode",
     "Name",
     "Params",
     "Parity",
+    "StopBreach",
+    "TapeEnd",
     "WhenMissing",
     "classify",
     "number_or_dumb",
@@ -125,6 +128,33 @@ class WhenMissing(StrEnum):
     """It sends nothing and waits for the operator."""
     EOT = "eot"
     """It sends a lone EOT: an empty program."""
+
+
+class Hold(StrEnum):
+    """How the control gets time in DNC LINK."""
+
+    ACK = "ack"
+    """It says ACK when it has room for another record."""
+    XOFF = "xoff"
+    """It says ACK at once, and XOFF in the middle of a record (3.1)."""
+
+
+class StopBreach(StrEnum):
+    """What the control does when more than three characters come after its XOFF (3.2)."""
+
+    REPORT = "report"
+    CANCEL = "cancel"
+
+
+class TapeEnd(StrEnum):
+    """What ends a load without a name besides EOT, which the text leaves open."""
+
+    EOT = "eot"
+    """Nothing else."""
+    PERCENT = "percent"
+    """A percent sign that is not the first character."""
+    M30 = "m30"
+    """The end of a block with M02 or M30."""
 
 
 def number_or_dumb(text: str) -> str:
@@ -296,11 +326,93 @@ class Params(CodeTable):
         unit="characters",
         limits=(0, STOP_CHARACTERS),
     )
+    naming: Switch = setting(
+        Switch.ON,
+        "The simulated control names the program first (1.1); off: the remote's operator has to choose (1.2).",
+        end=End.CONTROL,
+    )
+    hold: Hold = setting(
+        Hold.ACK,
+        "What keeps the host waiting in DNC LINK: the ACK, until a record has room, or XOFF inside records.",
+        end=End.CONTROL,
+    )
+    stop_at_free: int = setting(
+        32,
+        "The simulated control says XOFF when so little is free: the three characters of 3.2 and a UART's delay.",
+        end=End.CONTROL,
+        unit="characters",
+        limits=(STOP_CHARACTERS + 1, 1 << 20),
+    )
+    start_at_free: int = setting(
+        0,
+        "It says XON when so much is free; 0: half of the buffer beside one record.",
+        end=End.CONTROL,
+        unit="characters",
+        limits=(0, 1 << 20),
+    )
+    stop_breach: StopBreach = setting(
+        StopBreach.REPORT,
+        "More than three characters after XOFF: the simulated control says so, or cancels too.",
+        end=End.CONTROL,
+    )
+    late_xon: Switch = setting(
+        Switch.OFF,
+        "Its XOFF came too late and the program is in: it still says XON when enough is free.",
+        end=End.CONTROL,
+    )
+    nak_quiet: float = setting(
+        0.2,
+        "The line is to be quiet for so long before NAK; 0: at once. What only looked like the end of a record would "
+        "draw two NAKs, two copies, and a record doubled.",
+        end=End.CONTROL,
+        unit="s",
+        limits=(0, 3600.0),
+    )
+    load_timeout: float = setting(
+        0.0,
+        "Silence inside the text of REMOTE LOAD, after which the simulated control cancels; 0: never.",
+        end=End.CONTROL,
+        unit="s",
+        limits=(0, 3600.0),
+    )
+    answer_limit: float = setting(
+        0.0,
+        "No answer to DC2, a request, ACK or NAK for so long makes the simulated control cancel; 0: never.",
+        end=End.CONTROL,
+        unit="s",
+        limits=_SECONDS,
+    )
+    request_repeat: float = setting(
+        0.0,
+        "The simulated control requests again after so long without a character; 0: never.",
+        end=End.CONTROL,
+        unit="s",
+        limits=(0, 3600.0),
+    )
+    tape_end: TapeEnd = setting(
+        TapeEnd.EOT, "What ends a load of program -1 in the simulated control, besides EOT.", end=End.CONTROL
+    )
+    bare_save: Switch = setting(
+        Switch.OFF, "The simulated control sends program -1 without DC2 and DC1, as to a tape punch.", end=End.CONTROL
+    )
+    idle_cancel: Switch = setting(
+        Switch.ON, "The operator's cancel is said also when nothing runs, or all is in (4.3).", end=End.CONTROL
+    )
 
     def __post_init__(self) -> None:
         CodeTable.__post_init__(self)
         if not self.name_trailer:
             raise UsageError("name_trailer=none: the end of a name could not be told; give it a code, as 14")
+        if not self.stop_at_free < self.xon_at_free <= self.buffer - RECORD_BYTES:
+            raise UsageError(
+                f"stop_at_free={self.stop_at_free}, start_at_free={self.start_at_free}, buffer={self.buffer}: it must "
+                f"be less than start_at_free, and that at most the buffer less the {RECORD_BYTES} of a record"
+            )
+
+    @property
+    def xon_at_free(self) -> int:
+        """Where the simulated control says XON."""
+        return self.start_at_free or max((self.buffer - RECORD_BYTES) // 2, self.stop_at_free + 1)
 
     @classmethod
     def for_bridgeport(cls, settings: Mapping[str, str], end: End) -> Params:
