@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
+from tapewire.protocols.bridgeport.host import BridgeportHost
 from tapewire.protocols.bridgeport.messages import Params
 from tapewire.protocols.bridgeport.words import Words
 
-__all__ = ["Params", "Words"]
+__all__ = ["BridgeportHost", "Params", "Words"]

@@ -28,6 +28,7 @@ __all__ = [
     "DUMB",
     "NAME_BYTES",
     "STOP_CHARACTERS",
+    "ErLine",
     "FirstRecord",
     "Hold",
     "Mode",
@@ -119,6 +120,13 @@ class FirstRecord(StrEnum):
 
     AT_ONCE = "at_once"
     ON_ACK = "on_ack"
+
+
+class ErLine(StrEnum):
+    """Whether this line shows whether the control is switched on."""
+
+    AUTO = "auto"
+    HIDDEN = "hidden"
 
 
 class WhenMissing(StrEnum):
@@ -263,6 +271,11 @@ class Params(CodeTable):
     )
     nak_warning: int = setting(
         3, "NAKs of one record after which the operator is told.", end=End.HOST, unit="NAKs", limits=(1, 1000)
+    )
+    er: ErLine = setting(
+        ErLine.AUTO,
+        "hidden: DSR is strapped or has no wire, so its state says nothing. auto: its fall ends the job.",
+        end=End.HOST,
     )
     program: str = setting(
         "1",

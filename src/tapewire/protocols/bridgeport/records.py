@@ -30,9 +30,10 @@ __all__ = [
     "TextEnded",
     "cut_length",
     "encode_record",
-    "harmless_length",
+    "fitting_length",
     "lrc_of",
     "record_end_codes",
+    "tells_candidates_apart",
 ]
 
 RECORD_BYTES: Final = 256
@@ -125,27 +126,26 @@ def cut_length(text: bytes, size: int, cut: Cut, *, whole: bool) -> int | None:
 
     `whole` says that nothing follows `text`. The answer does not depend on how much of what follows is known.
     """
-    if len(text) <= size and whole:
-        return len(text)
-    if len(text) < size:
-        return None
+    if len(text) <= size:
+        return len(text) if whole else None
     line_end = text.rfind(b"\n", 0, size) + 1 if cut is Cut.LINES else 0
     return line_end or size
 
 
-def harmless_length(text: bytes, longest: int, end_code: int, lrc: Lrc, harmful: frozenset[int]) -> int:
-    """The longest record of at most `longest` bytes whose check character is none of `harmful`.
+def fitting_length(text: bytes, longest: int, fits: Callable[[bytes], bool]) -> int:
+    """The longest record of at most `longest` bytes of `text` that `fits`; `longest` itself where none does.
 
-    A cut behind a line end is preferred. `longest` itself where every cut is harmful.
+    A cut behind a line end is preferred.
     """
-
-    def harmless(length: int) -> bool:
-        return lrc_of(text[:length], end_code, lrc) not in harmful
-
     lengths = range(longest, 0, -1)
     behind_lines = (length for length in lengths if length == longest or text[length - 1 : length] == b"\n")
-    best = next((length for length in behind_lines if harmless(length)), None)
-    return best or next((length for length in lengths if harmless(length)), longest)
+    best = next((length for length in behind_lines if fits(text[:length])), None)
+    return best or next((length for length in lengths if fits(text[:length])), longest)
+
+
+def tells_candidates_apart(data: bytes, end_code: int) -> bool:
+    """No two candidates have the same check character for this record, so its ACK proves one of them."""
+    return len({lrc_of(data, end_code, lrc) for lrc in LRC_CANDIDATES}) == len(LRC_CANDIDATES)
 
 
 def record_end_codes(codes: CodeTable, dnc_end: DncEnd) -> frozenset[int]:

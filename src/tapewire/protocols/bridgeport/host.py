@@ -1,0 +1,442 @@
+"""The REMOTE's end of Bridgeport REMOTE LOAD and DNC LINK: the host computer.
+
+    cnc   DC2                       it wants to say a name
+    host  DC1
+    cnc   77;D DC4
+    cnc   DC1                       send me the program
+    host  text ETB LRC              a record
+    cnc   ACK                       the next one, please; NAK: that one again
+    host  text ETB LRC
+    cnc   ACK
+    host  EOT                       there is no more
+
+DC1 means "go ahead", "send me the program" and "go on"; which of them, the state says. A program is only sent to a
+request for it, only when somebody has armed one, and a DC1 that may be a late "go on" is not taken for a request.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from tapewire.codes import name_of, with_even_parity
+from tapewire.engine import (
+    SECOND,
+    Closure,
+    Event,
+    Held,
+    LineFault,
+    Nanos,
+    Notice,
+    Outcome,
+    Requested,
+    Resumed,
+    SignalsIn,
+    SignalsOut,
+    Violation,
+)
+from tapewire.protocols.bridgeport.code_table import SEVEN_BITS
+from tapewire.protocols.bridgeport.host_job import AGAIN, Job
+from tapewire.protocols.bridgeport.host_law import (
+    LAW,
+    SENDING,
+    Heard,
+    State,
+    Timer,
+    heard_at_rest,
+    heard_while_receiving,
+    heard_while_sending,
+)
+from tapewire.protocols.bridgeport.host_reception import Reception, marks_of
+from tapewire.protocols.bridgeport.host_transmission import LinkRecords
+from tapewire.protocols.bridgeport.messages import STOP_CHARACTERS, ErLine, Name, Params, Parity, on_the_wire
+from tapewire.protocols.settings import Switch
+
+__all__ = ["LAW", "BridgeportHost", "State"]
+
+DAMAGED_WAIT: Final[Nanos] = 60 * SECOND
+"""A damaged character stops us, since it may have been XOFF: after so long without another, the job has failed."""
+
+_SEVEN_BITS: Final = bytes(byte & SEVEN_BITS for byte in range(256))
+_ODD_WEIGHT: Final = frozenset(byte for byte in range(256) if with_even_parity(byte & SEVEN_BITS) != byte)
+
+
+class BridgeportHost(Job):
+    """A host computer on REMOTE LOAD and DNC LINK. A HostEngine.
+
+    When a job does not end complete, `Ended.bytes_low` are, in DNC LINK, the bytes of the records that the control
+    acknowledged; in REMOTE LOAD, which acknowledges nothing, what had left before it can have said what it said last.
+    """
+
+    def __init__(self, params: Params) -> None:
+        super().__init__(params)
+        self._marks = marks_of(params)
+        self._pause_wanted = False
+        self._pause_told = False
+        self._cts = True
+        self._er = False
+
+    def hold_reception(self, now: Nanos) -> None:
+        """Ask the control to pause, now or as soon as it sends (3.1). It may still send three characters."""
+        self._pause_wanted = True
+
+    def release(self, now: Nanos) -> None:
+        """Let it go on."""
+        self._pause_wanted = False
+
+    @property
+    def needs_stop_distance(self) -> int:
+        """3.2."""
+        return STOP_CHARACTERS
+
+    # from the line
+
+    def receive_data(self, data: bytes, now: Nanos) -> None:
+        if self._params.parity is Parity.LINE:
+            self._receive(data.translate(_SEVEN_BITS), now)
+            return
+        begun = 0
+        for position, byte in enumerate(data):
+            if byte in _ODD_WEIGHT:
+                self._receive(data[begun:position].translate(_SEVEN_BITS), now)
+                self.receive_line_fault(LineFault.PARITY, byte, now)
+                begun = position + 1
+        self._receive(data[begun:].translate(_SEVEN_BITS), now)
+
+    def receive_line_fault(self, fault: LineFault, byte: int | None, now: Nanos) -> None:
+        """A damaged character is obeyed as no code: one wrong bit makes DC1 of DLE.
+
+        While we send it can hardly be anything but XOFF or a cancel, so we stop: a pause is better than an overrun.
+        """
+        self._events.put(Violation(what=f"{fault} in what the control sent"))
+        if self._state is State.RECEIVING:
+            assert self._reception is not None
+            self._reception.line_fault(fault, None if byte is None else byte & SEVEN_BITS)
+            self._note_received(now)
+        elif self._more_to_send:
+            if not self._held:
+                self._held = True
+                self._events.put(Held(why=f"{fault}: it may have been XOFF"))
+            self._timers.start(Timer.DAMAGED, now + DAMAGED_WAIT)
+
+    def receive_signals(self, signals: SignalsIn, now: Nanos) -> None:
+        """Where the line shows whether the control is switched on, its going off ends the job."""
+        if signals.cts != self._cts:
+            self._cts = signals.cts
+            if self._state in SENDING and not self._held:
+                self._events.put(Resumed(why="CTS is ON again") if self._cts else Held(why="CTS is OFF"))
+        fell = self._er and not signals.dsr
+        self._er = signals.dsr
+        if fell and self._params.er is ErLine.AUTO and self._in_transfer:
+            self._end(Outcome.FAILED, "DSR fell: the control lost power or its cable", now)
+
+    def receive_closed(self, closure: Closure, reason: str, now: Nanos) -> None:
+        orderly = closure is Closure.ORDERLY
+        if self._state is State.SAVED and orderly:
+            self._finish_saved(now)
+        elif self._state is State.TAIL and orderly and not self._more_to_send and not self._delivery.in_flight:
+            self._finish_tail(now)
+        elif self._has_job and self._ending is None:
+            self._end(Outcome.FAILED, f"the line is gone: {reason}", now)
+        self._rest()
+        self._finish()
+
+    # to the line
+
+    def data_to_send(self, limit: int) -> bytes:
+        return on_the_wire(self._look(limit), self._params.parity)
+
+    def _look(self, limit: int) -> bytes:
+        if self._replies:
+            return bytes(self._replies[:limit])
+        if self._state is State.RECEIVING and self._pause_wanted is not self._pause_told:
+            return bytes([self._params.xoff if self._pause_wanted else self._params.xon])
+        if self._held or self._state not in SENDING or self._transmission is None:
+            return b""
+        return self._transmission.look(limit)
+
+    def data_sent(self, count: int, now: Nanos) -> None:
+        self._delivery.hand_over(count)
+        if self._replies:
+            del self._replies[:count]
+        elif self._state is State.RECEIVING:
+            self._pause_told = self._pause_wanted
+        elif count:
+            assert self._transmission is not None
+            self._transmission.hand_over(count)
+            self._follow(now)
+
+    def data_left(self, count: int, now: Nanos) -> None:
+        self._delivery.leave(count, now)
+        self._listen_in_tail(now)
+
+    def data_discarded(self, count: int, now: Nanos) -> None:
+        self._recall = False
+        self._delivery.call_back(count)
+        self._finish()
+
+    @property
+    def recall(self) -> bool:
+        return self._recall
+
+    @property
+    def signals(self) -> SignalsOut:
+        return SignalsOut()
+
+    # time and what happened
+
+    def next_deadline(self) -> Nanos | None:
+        return self._timers.next()
+
+    def handle_timer(self, now: Nanos) -> None:
+        for timer in self._timers.due(now):
+            assert isinstance(timer, Timer)
+            self._on_timer(timer, now)
+
+    def _on_timer(self, timer: Timer, now: Nanos) -> None:
+        params = self._params
+        match timer:
+            case Timer.TEXT:
+                self._on_silence(now)
+            case Timer.SOURCE:
+                self._pump(now)
+            case Timer.PAUSE:
+                self._end(Outcome.FAILED, f"held by XOFF for longer than {params.pause_limit:g} s; {AGAIN}", now)
+            case Timer.HOLD:
+                self._end(Outcome.FAILED, f"nobody gave {self._what} within {params.hold_limit:g} s; {AGAIN}", now)
+            case Timer.ACK:
+                self._end(Outcome.FAILED, f"no answer to a record within {params.ack_limit:g} s; {AGAIN}", now)
+            case Timer.GRACE:
+                self._resume(f"ACK, and no XON within {params.xoff_ack_grace:g} s")
+            case Timer.END if self._state is State.SAVED:
+                self._finish_saved(now)
+            case Timer.END:
+                self._finish_tail(now)
+            case Timer.DAMAGED:
+                self._end(Outcome.FAILED, f"a damaged character came and nothing after it; {AGAIN}", now)
+
+    def next_event(self) -> Event | None:
+        return self._events.get()
+
+    # what the control says
+
+    def _receive(self, characters: bytes, now: Nanos) -> None:
+        position = 0
+        while position < len(characters):
+            if self._state is State.RECEIVING:
+                position = self._receive_text(characters, position, now)
+                if position == len(characters):
+                    return
+            self._hear(characters[position], now)
+            position += 1
+
+    def _receive_text(self, characters: bytes, position: int, now: Nanos) -> int:
+        """Take text up to the next mark. Returns where that stands."""
+        assert self._reception is not None
+        mark = self._marks.search(characters, position)
+        end = mark.start() if mark else len(characters)
+        if end > position:
+            self._reception.take(characters[position:end])
+            self._note_received(now)
+        return end
+
+    def _note_received(self, now: Nanos) -> None:
+        reception = self._reception
+        assert reception is not None
+        self._start(Timer.TEXT, self._params.text_timeout, now)
+        self._note_stored()
+        if reception.problem:
+            self._end(Outcome.FAILED, reception.problem, now)
+
+    def _hear(self, character: int, now: Nanos) -> None:
+        state = self._state
+        if state is State.RECEIVING:
+            heard = heard_while_receiving(character, self._params)
+        elif state in SENDING:
+            heard = heard_while_sending(character, self._params)
+            self._certain = self._delivery.certain(now)
+        else:
+            heard = heard_at_rest(character, self._params)
+        allowed = LAW.get((state, heard))
+        if allowed is None:
+            self._ignore(heard, character)
+            return
+        self._obey(heard, character, now)
+        assert self._state in allowed, f"{heard} led from {state} to {self._state}"
+
+    def _ignore(self, heard: Heard, character: int) -> None:
+        """What has no row in the table: in silence if it may be half of a cancel pair, or blank tape."""
+        if self._state not in SENDING and character in self._params.cancel_tail | self._params.ignore_rx:
+            return
+        what = "characters that are no codes" if heard is Heard.TEXT else name_of(character)
+        self._events.put(Violation(what=f"the control sent {what} while this end was {self._state.value}"))
+
+    def _obey(self, heard: Heard, character: int, now: Nanos) -> None:
+        match heard:
+            case Heard.OPEN_WRITE:
+                self._on_open_write(now)
+            case Heard.REQUEST:
+                self._on_request(now)
+            case Heard.CANCEL:
+                self._on_cancel(character, now)
+            case Heard.XOFF:
+                self._on_xoff(character, now)
+            case Heard.XON:
+                self._on_xon(character, now)
+            case Heard.ACK:
+                self._on_ack(now)
+            case Heard.NAK:
+                self._on_nak(now)
+            case Heard.END:
+                self._on_end(now)
+            case Heard.TEXT:
+                self._on_uninvited(character, now)
+
+    def _on_open_write(self, now: Nanos) -> None:
+        """A new transaction in any state (1.1, 1.2.2); what it interrupts is over."""
+        state = self._state
+        if state is State.SAVED:
+            self._finish_saved(now)
+        elif state is State.TAIL and not self._more_to_send:
+            self._finish_tail(now)
+        elif state in SENDING or (state is State.RECEIVING and self._in_transfer):
+            self._end(Outcome.FAILED, "the control began anew before the program was complete", now)
+        self._timers.stop(Timer.HOLD)
+        self._held = self._pause_told = False
+        self._reception = Reception(self._place, self._params.upload_limit)
+        self._transmission = None
+        self._replies[:] = bytes([self._params.write_ready])
+        self._state = State.RECEIVING
+        self._start(Timer.TEXT, self._params.text_timeout, now)
+
+    def _on_request(self, now: Nanos) -> None:
+        """1.2.1. In HOLD the control only repeats itself."""
+        if self._state is State.HOLD:
+            return
+        if self._state is State.SAVED:
+            self._finish_saved(now)
+        if self._name is None and self._held and self._just_ended(now):
+            self._held = False
+            self._events.put(Notice(text="XON after an XOFF at the end of the program: no request"))
+            return
+        self._serve(now)
+
+    def _just_ended(self, now: Nanos) -> bool:
+        after = round(self._params.stray_xon_time * SECOND)
+        return self._ended_at is not None and now - self._ended_at < after
+
+    def _on_cancel(self, character: int, now: Nanos) -> None:
+        """4.3.2: stop, throw the rest away, wait for another request. Nothing is answered."""
+        if self._state is State.REST and self._name is None:
+            self._ignore(Heard.CANCEL, character)
+            return
+        whole = "sent whole, then " if self._state is State.TAIL and not self._more_to_send else ""
+        self._end(Outcome.CANCELLED, f"{whole}cancelled at the control ({name_of(character).split()[0]})", now)
+
+    def _on_xoff(self, character: int, now: Nanos) -> None:
+        """3.1, 3.2. At rest it may be one that crossed our last characters."""
+        if self._state is State.RECEIVING:
+            return
+        if self._state is State.REST:
+            self._held = self._just_ended(now)
+            self._ignore(Heard.XOFF, character)
+            return
+        self._timers.stop(Timer.DAMAGED)
+        if self._held:
+            return
+        self._held = True
+        if self._state is not State.TAIL or self._more_to_send:
+            self._events.put(Held(why="XOFF"))
+            self._start(Timer.PAUSE, self._params.pause_limit, now)
+
+    def _on_xon(self, character: int, now: Nanos) -> None:
+        if self._state is State.RECEIVING:
+            return
+        if self._held:
+            self._resume("XON")
+        elif self._state is State.TAIL:
+            self._events.put(Requested(served=False))
+        else:
+            self._ignore(Heard.XON, character)
+
+    def _resume(self, why: str) -> None:
+        for timer in (Timer.PAUSE, Timer.GRACE, Timer.DAMAGED):
+            self._timers.stop(timer)
+        self._held = False
+        self._events.put(Resumed(why=why))
+
+    def _on_ack(self, now: Nanos) -> None:
+        """4.2.1: the next record. While XOFF holds, 3.2 still wants an XON first."""
+        if self._state is State.RECORD:
+            self._ignore(Heard.ACK, self._params.ack)
+            return
+        self._answered(now)
+        assert isinstance(self._transmission, LinkRecords)
+        self._transmission.ack()
+        self._follow(now)
+
+    def _on_nak(self, now: Nanos) -> None:
+        """4.2.1: the same record; one that is still going out is finished first."""
+        self._events.put(Violation(what="NAK: a record arrived damaged"))
+        self._answered(now)
+        assert isinstance(self._transmission, LinkRecords)
+        self._transmission.nak()
+        self._follow(now)
+
+    def _answered(self, now: Nanos) -> None:
+        self._timers.stop(Timer.ACK)
+        if self._held and self._params.xoff_ack_grace:
+            self._start(Timer.GRACE, self._params.xoff_ack_grace, now)
+
+    def _on_end(self, now: Nanos) -> None:
+        """The end of a name or of a program, or what closes it after that (1.1, 1.2.2)."""
+        if self._state is State.SAVED:
+            self._finish_saved(now)
+            return
+        reception = self._reception
+        assert reception is not None
+        self._timers.stop(Timer.TEXT)
+        name = reception.finish()
+        if self._params.closing_dc3 is Switch.ON:
+            self._replies.append(self._params.xoff)
+        self._state = State.REST
+        if name is not None:
+            self._take_name(name)
+        elif reception.kept:
+            self._state = State.SAVED
+            self._start(Timer.END, self._params.end_wait, now)
+            self._note_stored()
+        else:
+            self._name = None
+            what = f"the control sent a program of {reception.count:,} bytes that nobody had asked for: dropped"
+            self._events.put(Notice(text=what))
+
+    def _take_name(self, name: Name) -> None:
+        self._name = name if name.number is not None else None
+        if name.usual:
+            return
+        said = name.raw.decode("ascii", "backslashreplace").strip()
+        known = f"taken as the number {name.number}" if name.number else "no number: ignored"
+        self._events.put(Notice(text=f"the control sent the unusual name {said!r}: {known}"))
+
+    def _on_uninvited(self, character: int, now: Nanos) -> None:
+        """Text at rest: a program, where the control sends as to a tape punch."""
+        shelf = self._arming.shelf if self._arming is not None else None
+        if self._params.punch_mode is Switch.OFF or shelf is None:
+            self._ignore(Heard.TEXT, character)
+            return
+        self._on_open_write(now)
+        self._replies.clear()
+        assert self._reception is not None
+        self._reception.take(bytes([character]))
+
+    def _on_silence(self, now: Nanos) -> None:
+        """The control said nothing more, and no end code."""
+        if self._pause_told:
+            self._start(Timer.TEXT, self._params.text_timeout, now)
+            return
+        silence = f"silence of {self._params.text_timeout:g} s"
+        if self._in_transfer:
+            self._end(Outcome.FAILED, f"{silence} inside the program, and no end of it", now)
+            return
+        self._events.put(Violation(what=f"{silence} where a name or a program was announced"))
+        self._rest()

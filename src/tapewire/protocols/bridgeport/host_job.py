@@ -1,0 +1,303 @@
+"""The life of a job at the host's end: armed, requested, under way, over; and what is known of it at each moment.
+
+`host.py` hears what the control says and calls this; here is what follows from it for the job.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from tapewire.engine import (
+    MILLISECOND,
+    SECOND,
+    Ended,
+    Events,
+    Nanos,
+    Notice,
+    Outcome,
+    Received,
+    Requested,
+    Sink,
+    Source,
+    Started,
+    Timers,
+)
+from tapewire.errors import UsageError
+from tapewire.protocols.bridgeport.host_arming import Arming, Library, OneProgram, OneSink, Policy, Shelf
+from tapewire.protocols.bridgeport.host_law import SENDING, State, Timer
+from tapewire.protocols.bridgeport.host_reception import Reception
+from tapewire.protocols.bridgeport.host_text import Text
+from tapewire.protocols.bridgeport.host_transmission import LinkRecords, LoadText, Transmission
+from tapewire.protocols.bridgeport.messages import Mode, Name, Params, WhenMissing
+from tapewire.protocols.bridgeport.records import LINK_TEXT_BYTES
+from tapewire.protocols.delivery import Delivery
+
+__all__ = ["AGAIN", "Job"]
+
+SOURCE_POLL: Final[Nanos] = 10 * MILLISECOND
+"""How often a source that had nothing yet is asked again."""
+
+AGAIN: Final = "cancel the transfer at the control before anything else is sent to it"
+
+
+class Job:
+    """At most one job at a time, and the dialogue's state."""
+
+    def __init__(self, params: Params) -> None:
+        self._params = params
+        self._state = State.REST
+        self._timers = Timers()
+        self._events = Events()
+        self._arming: Arming | None = None
+        self._name: Name | None = None
+        self._transmission: Transmission | None = None
+        self._reception: Reception | None = None
+        self._replies = bytearray()
+        self._held = False
+        self._ended_at: Nanos | None = None
+        self._delivery = Delivery()
+        self._certain = 0
+        self._ending: tuple[Outcome, str] | None = None
+        self._tail_verdict: tuple[Outcome, str] | None = None
+        self._recall = False
+
+    # the application's side
+
+    def start(self, source: Source, now: Nanos) -> None:
+        """Arm one program: it goes to the next request, whatever number that names."""
+        self._arm(Arming(policy=Policy.ONCE, library=OneProgram(source)), now)
+
+    def receive(self, sink: Sink, now: Nanos) -> None:
+        """Arm a reception: the next program the control sends goes to `sink`, whatever its number."""
+        self._arm(Arming(policy=Policy.ONCE, shelf=OneSink(sink)), now)
+
+    def serve(
+        self, library: Library | None, now: Nanos, *, shelf: Shelf | None = None, policy: Policy = Policy.STANDING
+    ) -> None:
+        """Give out programs by number from `library`, and take them in by number to `shelf`."""
+        self._arm(Arming(policy=policy, library=library, shelf=shelf), now)
+
+    def answer(self, source: Source, now: Nanos) -> None:
+        """The operator gives the program that the control waits for (1.2). Raises UsageError when it does not."""
+        if self._state is not State.HOLD:
+            raise UsageError(f"the control waits for no program ({self._state.value}); arm it with start")
+        self._timers.stop(Timer.HOLD)
+        self._begin(source, now)
+
+    def abort(self, now: Nanos) -> None:
+        """Fall silent, call back what has not left, and disarm. No EOT is sent: a cut program cannot look whole."""
+        if self._has_job and self._ending is None:
+            self._end(Outcome.CANCELLED, f"given up here; {AGAIN}", now)
+        self._arming = None
+
+    @property
+    def state(self) -> State:
+        return self._state
+
+    @property
+    def progress(self) -> int:
+        if self._transmission is not None:
+            return self._transmission.position
+        return self._reception.stored if self._reception is not None else 0
+
+    # what is going on
+
+    @property
+    def _in_transfer(self) -> bool:
+        """A program is under way."""
+        if self._state in (State.RECEIVING, State.SAVED):
+            return self._reception is not None and self._reception.kept
+        return self._state in SENDING
+
+    @property
+    def _has_job(self) -> bool:
+        once = self._arming is not None and self._arming.policy is Policy.ONCE
+        return once or self._in_transfer
+
+    @property
+    def _more_to_send(self) -> bool:
+        """Characters of this transfer wait for the line, or for XON."""
+        if self._state not in SENDING:
+            return False
+        if self._state is State.TAIL:
+            return bool(self._replies) or (self._transmission is not None and bool(self._transmission.look(1)))
+        return self._state is not State.WAIT_ACK
+
+    @property
+    def _what(self) -> str:
+        return _called(self._name)
+
+    def _start(self, timer: Timer, seconds: float, now: Nanos) -> None:
+        """Run `timer`; 0 stands for never."""
+        if seconds:
+            self._timers.start(timer, now + round(seconds * SECOND))
+
+    # a program for the control
+
+    def _arm(self, arming: Arming, now: Nanos) -> None:
+        if self._has_job or self._ending is not None:
+            raise UsageError(f"a job is under way ({self._state.value}); abort it or wait for its end")
+        self._arming = arming
+        self._transmission = None
+        if self._state is State.HOLD:
+            self._timers.stop(Timer.HOLD)
+            self._state = State.REST
+        if self._state is not State.RECEIVING:
+            self._reception = None
+
+    def _serve(self, now: Nanos) -> None:
+        """1.2.1: the control wants a program; by its name, where it said one."""
+        self._held = False
+        name, library = self._name, self._arming.library if self._arming is not None else None
+        source = None
+        if library is not None:
+            source = library.find(name.number if name else None, name.mode if name else None)
+        self._events.put(Requested(number=name.number if name else None, served=source is not None))
+        if source is not None:
+            self._begin(source, now)
+        elif self._arming is not None and library is None:
+            self._name = None
+            self._events.put(Notice(text=f"the control asks for {_called(name)} while we only receive: not answered"))
+        elif library is not None and self._params.missing is WhenMissing.EOT:
+            self._refuse(now)
+        else:
+            self._state = State.HOLD
+            self._start(Timer.HOLD, self._params.hold_limit, now)
+
+    def _refuse(self, now: Nanos) -> None:
+        """An empty program, which is what the control is told where `missing` says so."""
+        self._tail_verdict = Outcome.FAILED, f"there is no {self._what}: an empty program was sent"
+        self._name = None
+        self._transmission = None
+        self._delivery = Delivery(stale=self._delivery.on_the_way)
+        self._replies[:] = bytes([self._params.text_end])
+        self._state = State.TAIL
+
+    def _begin(self, source: Source, now: Nanos) -> None:
+        name, self._name = self._name, None
+        text = Text(source, self._params)
+        mode = name.mode if name is not None else Mode.LOAD
+        if mode is None:
+            # An unusual name without a letter: 2.1.1 and 2.2.1 say by the length which it must be.
+            text.fill(LINK_TEXT_BYTES + 1)
+            mode = Mode.LOAD if len(text.ahead) <= LINK_TEXT_BYTES else Mode.LINK
+        if mode is Mode.LOAD:
+            self._transmission = LoadText(text, self._params, named=name is not None)
+        else:
+            self._transmission = LinkRecords(text, self._params)
+        self._reception = None
+        self._replies.clear()
+        self._delivery = Delivery(stale=self._delivery.on_the_way)
+        self._certain = 0
+        self._tail_verdict = None
+        by = "REMOTE LOAD" if mode is Mode.LOAD else "DNC LINK"
+        self._events.put(Started(why=f"{_called(name)} by {by}"))
+        self._state = self._transmission.state
+        self._pump(now)
+
+    def _pump(self, now: Nanos) -> None:
+        assert self._transmission is not None
+        self._transmission.pump()
+        self._follow(now)
+
+    def _follow(self, now: Nanos) -> None:
+        """Take over where the transmission stands."""
+        transmission = self._transmission
+        assert transmission is not None
+        while transmission.notices:
+            self._events.put(Notice(text=transmission.notices.pop(0)))
+        if transmission.problem:
+            self._end(Outcome.FAILED, transmission.problem, now)
+            return
+        if transmission.starved:
+            self._timers.start(Timer.SOURCE, now + SOURCE_POLL)
+        before, self._state = self._state, transmission.state
+        if self._state is State.WAIT_ACK and before is not State.WAIT_ACK:
+            self._start(Timer.ACK, self._params.ack_limit, now)
+        self._listen_in_tail(now)
+
+    def _listen_in_tail(self, now: Nanos) -> None:
+        """From when the last character has left, a cancel may still come."""
+        if self._state is not State.TAIL or self._more_to_send or self._delivery.in_flight:
+            return
+        if not self._timers.running(Timer.END):
+            self._timers.stop(Timer.PAUSE)
+            self._start(Timer.END, self._params.end_wait, now)
+
+    def _finish_tail(self, now: Nanos) -> None:
+        outcome, reason = self._tail_verdict or (Outcome.COMPLETE, "the control has been sent the whole program")
+        self._end(outcome, reason, now)
+
+    # a program from the control
+
+    def _place(self) -> Sink | None:
+        """A program is coming in: where to?"""
+        shelf = self._arming.shelf if self._arming is not None else None
+        sink = shelf.place(self._name.number if self._name is not None else None) if shelf is not None else None
+        if sink is not None:
+            self._events.put(Started(why=f"the control sends {self._what}"))
+        return sink
+
+    def _note_stored(self) -> None:
+        assert self._reception is not None
+        if count := self._reception.unreported():
+            self._events.put(Received(count=count))
+
+    def _finish_saved(self, now: Nanos) -> None:
+        assert self._reception is not None
+        if self._reception.damage:
+            self._end(Outcome.FAILED, f"received to its end, but damaged: {self._reception.damage}", now)
+        else:
+            self._end(Outcome.COMPLETE, f"the control has sent {self._what}", now)
+
+    # the end
+
+    def _end(self, outcome: Outcome, reason: str, now: Nanos) -> None:
+        """The dialogue is at rest again, and the job, if there was one, is over.
+
+        What was on its way is called back unless it is all the control is to have.
+        """
+        had_job = self._has_job
+        if self._in_transfer:
+            self._ended_at = now
+        self._held = self._held and outcome is not Outcome.CANCELLED and self._state in SENDING
+        self._rest()
+        if not had_job:
+            self._events.put(Notice(text=reason))
+            return
+        if self._arming is not None and self._arming.policy is Policy.ONCE:
+            self._arming = None
+        self._ending = outcome, reason
+        self._recall = outcome is not Outcome.COMPLETE and self._delivery.in_flight > 0
+        if not self._recall:
+            self._finish()
+
+    def _rest(self) -> None:
+        self._timers.stop_all()
+        self._name = None
+        self._replies.clear()
+        self._state = State.REST
+
+    def _finish(self) -> None:
+        """Say how the job ended, once it is known what could be called back."""
+        if self._ending is None:
+            return
+        outcome, reason = self._ending
+        self._ending = None
+        self._recall = False
+        low, high = self._delivered() if outcome is not Outcome.COMPLETE else (self.progress, self.progress)
+        self._events.put(Ended(outcome=outcome, reason=reason, bytes_low=low, bytes_high=high))
+
+    def _delivered(self) -> tuple[int, int]:
+        """Bytes the control has for certain, and at most."""
+        transmission = self._transmission
+        if transmission is None:
+            return self.progress, self.progress
+        if transmission.proven is not None:
+            return transmission.proven, transmission.position
+        high = min(transmission.position, self._delivery.sent)
+        return min(self._certain, high), high
+
+
+def _called(name: Name | None) -> str:
+    return f"program {name.number}" if name is not None and name.number else "a program without a name"

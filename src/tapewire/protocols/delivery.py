@@ -1,0 +1,60 @@
+"""What a host can know about where its characters are: handed over, on their way, with the control.
+
+A protocol without acknowledgement has only counts and moments, and what they prove is kept here.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Final
+
+from tapewire.engine import MILLISECOND, Nanos
+
+__all__ = ["Delivery"]
+
+HEARD_LATE: Final[Nanos] = 100 * MILLISECOND
+"""What the control says is heard at most so long after it said it, by way of a serial server and a busy computer: what
+had left earlier than that was with the control when it said it."""
+
+
+class Delivery:
+    """The characters of one job. `stale` are characters of an earlier one that are still on their way."""
+
+    def __init__(self, stale: int = 0) -> None:
+        self._stale = stale
+        self._left_at: Nanos = 0
+        self._log: deque[tuple[Nanos, int]] = deque()
+        self.sent = 0
+        """Handed over to the line and not called back."""
+        self.in_flight = 0
+        """Of these, not yet left."""
+
+    @property
+    def on_the_way(self) -> int:
+        """Everything in flight: `stale` for the job that follows."""
+        return self.in_flight + self._stale
+
+    def hand_over(self, count: int) -> None:
+        self.sent += count
+        self.in_flight += count
+
+    def leave(self, count: int, now: Nanos) -> None:
+        stale = min(count, self._stale)
+        self._stale -= stale
+        self.in_flight -= count - stale
+        if not self.in_flight:
+            self._left_at = now
+        self._log.append((now, self.sent - self.in_flight))
+        while len(self._log) > 1 and self._log[1][0] <= now - HEARD_LATE:
+            self._log.popleft()
+
+    def call_back(self, count: int) -> None:
+        own = min(count, self.in_flight)
+        self._stale -= count - own
+        self.sent -= own
+        self.in_flight -= own
+
+    def certain(self, now: Nanos) -> int:
+        """Characters the control certainly had when it said what is heard at `now`."""
+        certain = [left for at, left in self._log if at <= now - HEARD_LATE]
+        return certain[-1] if certain else 0
