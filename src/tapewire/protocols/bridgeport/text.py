@@ -23,7 +23,6 @@ TEXT: Final = bytes((*range(0x20, DEL), CR, LF, TAB))
 
 CHUNK_BYTES: Final = 1 << 16
 
-_LINE_END: Final = re.compile(rb"\r\n|\r|\n")
 _LONE_CR: Final = re.compile(rb"\r(?!\n)")
 _FEED: Final = bytes((NUL, DEL))
 
@@ -55,7 +54,7 @@ def prepare(read: Read, write: Write) -> Preparation:
             raise _refusal(piece, lone.start(), line, "CR without LF: end the lines with LF or CR LF")
         lone_lf_count += piece.count(b"\n") - piece.count(b"\r\n")
         line += piece.count(b"\n")
-        text = _LINE_END.sub(b"\r\n", piece)
+        text = piece.replace(b"\r\n", b"\n").replace(b"\n", b"\r\n")
         last = text[-1:]
         byte_count += len(text)
         write(text)
