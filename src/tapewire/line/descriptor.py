@@ -171,12 +171,12 @@ class DescriptorLine:
         return self._arrivals.take(now)
 
     def room(self, now: Nanos) -> int:
-        """The window less what is in flight, in pieces of at least half a window."""
+        """The window less what is in flight, in pieces of at least a quarter of it."""
         self._now = now
         open_to_send = self._fd is not None and self._connected and not (self._ended or self._failure)
         cts = self._signals is None or self._signals.cts
         free = self._settings.window - self.in_flight(now) if open_to_send and cts and not self._unsent else 0
-        self._room = free if 2 * free >= self._settings.window else 0
+        self._room = self._tx.offer(free)
         return self._room
 
     def write(self, data: bytes, now: Nanos) -> None:
