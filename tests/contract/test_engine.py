@@ -81,7 +81,7 @@ def play(engine: Engine, what: str, argument: object, now: Nanos) -> Nanos:
     match what, argument:
         case "data", bytes(data):
             engine.receive_data(data, now)
-        case "fault", (LineFault() as fault, byte):
+        case "fault", (LineFault() as fault, (int() | None) as byte):
             engine.receive_line_fault(fault, byte, now)
         case "signals", SignalsIn() as signals:
             engine.receive_signals(signals, now)

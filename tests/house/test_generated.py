@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import re
 from enum import Enum
+from typing import get_args
 
 import pytest
 
 from docs.generate import PARTS, command_names, marked_names, regenerated
+from tapewire.engine import AfterStop, Ended, Received
 from tapewire.protocols.fanuc_b import cnc_law, host_law
 from tapewire.protocols.fanuc_b.messages import ControlCode, Params
 from tapewire.protocols.settings import describe_settings
+from tapewire.transfer.reports import Report, Result, StopDistanceTold
 from tests.house.markdown import fenced_blocks, table_rows
 from tests.house.sources import ROOT, python_files
 from tests.house.test_docs import ARCHITECTURE, pages
@@ -89,3 +92,24 @@ def test_compliance_claims_no_machine_that_nobody_has_seen() -> None:
     assert len(rows) > 20
     assert [row for row in rows if row[-1] != "no" and len(row[-1].split()) < 4] == []
     assert [row for row in rows if "**no**" not in row[2] and "`test_" not in row[3]] == []
+
+
+def events_of_json() -> dict[str, set[str]]:
+    """What `--json` may say, and the fields of each: reports as they are called, but for two."""
+    other_names = {StopDistanceTold: "stop_distance", AfterStop: "after_dc3", Result: "end"}
+    told = set(get_args(Report)) - {Received, Ended} | {Result}
+    return {
+        other_names.get(report) or re.sub(r"(?<!^)(?=[A-Z])", "_", report.__name__).lower(): set(
+            report.__dataclass_fields__
+        )
+        for report in told
+    }
+
+
+def test_the_page_of_the_command_line_has_every_event_and_its_fields() -> None:
+    said: dict[str, set[str]] = {}
+    for row in table_rows((ROOT / "docs" / "cli.md").read_text()):
+        if len(row) == 3 and row[0].startswith("`"):
+            fields = set(re.findall(r"`(\w+)`", row[1]))
+            said |= dict.fromkeys(re.findall(r"`(\w+)`", row[0]), fields)
+    assert said == events_of_json()

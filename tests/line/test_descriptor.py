@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import socket
+from typing import ClassVar
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tapewire.engine import SECOND, Closure, LineFault, SignalsIn
 from tapewire.errors import UsageError
-from tapewire.line.descriptor import Arrivals
+from tapewire.line.descriptor import Arrivals, DescriptorLine
 from tapewire.line.pacing import RxPacer
 from tapewire.line.transport import Closed, Fault, LineItem
 from tests.line.helpers import Clock, open_pair, settings
@@ -89,3 +92,33 @@ def test_more_than_the_room_is_our_own_mistake() -> None:
         assert near.room(SECOND) == 10
         with pytest.raises(AssertionError, match="11 characters"):
             near.write(bytes(11), SECOND)
+
+
+class _Draining(DescriptorLine):
+    """A line whose kernel queue holds what the test says at each question, and is empty after that."""
+
+    answers: ClassVar[list[int]] = []
+
+    def _queued(self, fd: int) -> int:
+        return self.answers.pop(0) if self.answers else 0
+
+
+def test_a_queue_that_empties_between_two_questions_is_still_looked_at_again() -> None:
+    """Found by a punch-out that slept for ever: `room` refused for a queue that `next_deadline` found empty."""
+    near, far = socket.socketpair()
+    near.setblocking(False)
+    line = _Draining(near.detach(), settings(window=4))
+    try:
+        now = SECOND
+        line.read(now)
+        line.write(b"abcd"[: line.room(now)], now)
+        now += SECOND
+        line.answers[:] = [4]
+        assert line.room(now) == 0
+        deadline = line.next_deadline()
+        assert deadline is not None
+        assert line.room(deadline) == 4
+        assert line.next_deadline() is None
+    finally:
+        line.close(now)
+        far.close()

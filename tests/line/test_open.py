@@ -177,9 +177,24 @@ def _bound_to(port: int, kind: type[socket.socket]) -> type[socket.socket]:
     return Bound
 
 
-async def test_an_unknown_host_is_not_found() -> None:
-    with pytest.raises(LineNotFound, match="check"):
-        await _open("socket://no-such-host.invalid:4001")
+@pytest.mark.parametrize("text", ["socket://no-such-host:4001", "listen://no-such-host:4001"])
+async def test_an_unknown_host_is_not_found(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    def unknown(*_: object, **__: object) -> object:
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+    monkeypatch.setattr(socket, "getaddrinfo", unknown)
+    with pytest.raises(LineNotFound, match="not known; check"):
+        await _open(text)
+
+
+async def test_a_host_that_answers_nothing_is_not_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def silence(*_: object) -> None:
+        await asyncio.get_running_loop().create_future()
+
+    monkeypatch.setattr(opening, "CONNECT_LIMIT_S", 0.05)
+    monkeypatch.setattr(asyncio.get_running_loop(), "sock_connect", silence)
+    with pytest.raises(LineNotFound, match="no answer"):
+        await _open("socket://127.0.0.1:4001")
 
 
 @pytest.mark.parametrize("text", ["listen://127.0.0.1:0", "socket://127.0.0.1:{port}"])

@@ -79,7 +79,7 @@ def cnc(
         return await run_control(task, job.observed_by(output.observe, stop))
 
     with closing(task.punch) if task.punch is not None else nullcontext():
-        return run_job(f"simulated control, {operation}", as_json, work)
+        return run_job(f"simulated control, {operation}", "of program taken, or punched out", as_json, work)
 
 
 def _program(file: str | None, operation: str, job: JobSettings, raw: bool) -> Program | None:

@@ -96,11 +96,15 @@ def parse_words(words: tuple[str, ...]) -> dict[str, str]:
 
 def run_job(
     title: str,
+    counted: str,
     as_json: bool,
     job: Callable[[Output, asyncio.Event], Awaitable[Result]],
 ) -> int:
-    """Run `job`, show what it reports, and return the exit status. Ctrl-C ends it in an orderly way."""
-    output = Output(*_presenters(title, as_json))
+    """Run `job`, show what it reports, and return the exit status. Ctrl-C ends it in an orderly way.
+
+    `counted` says of the bytes of an interrupted job what has happened to them.
+    """
+    output = Output(*_presenters(title, counted, as_json))
     try:
         result, interrupted = asyncio.run(_run(output, job))
         output.show(result)
@@ -111,13 +115,13 @@ def run_job(
     return INTERRUPTED if interrupted and result.outcome is Outcome.CANCELLED else NOT_COMPLETE
 
 
-def _presenters(title: str, as_json: bool) -> list[Presenter]:
+def _presenters(title: str, counted: str, as_json: bool) -> list[Presenter]:
     """A command started with one of its outputs closed has none there."""
     presenters: list[Presenter] = []
     if as_json and sys.stdout is not None:
         presenters.append(JsonLines())
     if sys.stderr is not None:
-        presenters.append(PeopleLines(title))
+        presenters.append(PeopleLines(title, counted))
     return presenters
 
 

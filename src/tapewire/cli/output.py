@@ -141,7 +141,8 @@ class JsonLines:
 class PeopleLines:
     """Text on stderr; with a terminal, a bar below it."""
 
-    def __init__(self, title: str) -> None:
+    def __init__(self, title: str, counted: str) -> None:
+        self._counted = counted
         self._bar = _bar(title) if sys.stderr.isatty() else None
         self._last_progress = time.monotonic()
 
@@ -151,7 +152,7 @@ class PeopleLines:
         elif isinstance(shown, Result):
             if self._bar is not None:
                 self._bar.close()
-            self._say(summary(shown))
+            self._say(summary(shown, self._counted))
         else:
             text = _text(shown)
             if text:
@@ -176,7 +177,8 @@ class PeopleLines:
             self._last_progress = time.monotonic()
             total = "" if progress.total is None else f" of {progress.total:,}"
             held = ", held" if progress.held else ""
-            self._say(f"{progress.bytes:,}{total} bytes, {progress.share:.0%} of the line{held}")
+            share = f", {progress.share:.0%} of the line" if progress.share else ""
+            self._say(f"{progress.bytes:,}{total} bytes{share}{held}")
 
 
 def _bar(title: str) -> Bar:
@@ -214,8 +216,8 @@ def _stop_distance(told: StopDistanceTold) -> str:
     return distance if told.guaranteed else f"{distance} (not guaranteed)"
 
 
-def summary(result: Result) -> str:
-    """The last line for people."""
+def summary(result: Result, counted: str) -> str:
+    """The last line for people; `counted` says what has happened to the bytes of an interrupted job."""
     if result.outcome is Outcome.COMPLETE:
         used = "" if result.utilisation is None else f", {result.utilisation:.1%} of the line while not held"
         stops = f", stopped {result.stops} times" if result.stops else ""
@@ -223,4 +225,4 @@ def summary(result: Result) -> str:
     span = f"{result.bytes:,}"
     if result.bytes != result.bytes_handed:
         span = f"at least {result.bytes:,} and at most {result.bytes_handed:,}"
-    return f"{result.outcome}: {result.reason}\n{span} bytes had been delivered"
+    return f"{result.outcome}: {result.reason}\n{span} bytes {counted}"

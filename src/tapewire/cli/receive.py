@@ -43,4 +43,4 @@ def receive(
     async def transfer(output: Output, stop: asyncio.Event) -> Result:
         return await receive_program(file, job.observed_by(output.observe, stop), raw=raw, force=force)
 
-    return run_job(file.name, as_json, transfer)
+    return run_job(file.name, "stored", as_json, transfer)

@@ -44,4 +44,4 @@ def send(
         return await send_program(program, job.observed_by(output.observe, stop))
 
     with closing(program):
-        return run_job(program.name, as_json, transfer)
+        return run_job(program.name, "received by the control, not necessarily executed", as_json, transfer)

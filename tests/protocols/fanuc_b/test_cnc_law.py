@@ -161,7 +161,7 @@ PARAMS = st.builds(
     closing=st.sampled_from(ClosingAt),
     alarm=st.sampled_from(AlarmEnds),
     idle_posting=st.sampled_from(Switch),
-    after_stop=st.integers(0, 600),
+    punch_overrun=st.integers(0, 600),
     overrun=st.integers(0, 2560),
 )
 DEED = st.one_of(

@@ -97,7 +97,7 @@ def test_6_1_1_2_3_a_cs_off_holds_the_dc4_back_too() -> None:
 def test_6_1_1_2_3_b_dc3_pauses_and_the_code_agreed_on_resumes(
     posting: Switch, resume: Resume, code: bytes, other: bytes, dc3: bytes
 ) -> None:
-    bench = Bench(Params(posting=posting, resume=resume, after_stop=16)).punching(4).receive(dc3)
+    bench = Bench(Params(posting=posting, resume=resume, punch_overrun=16)).punching(4).receive(dc3)
     assert bench.send(5) == bytes(16)
     assert not bench.all(Violation)
     bench.receive(other + dc3)
@@ -109,12 +109,12 @@ def test_6_1_1_2_3_b_dc3_pauses_and_the_code_agreed_on_resumes(
 
 
 def test_6_3_a_control_that_stops_at_once_after_dc3() -> None:
-    bench = Bench(Params(after_stop=0)).punching().receive(DC3)
+    bench = Bench(Params(punch_overrun=0)).punching().receive(DC3)
     assert bench.send() == b""
 
 
 def test_6_1_1_2_3_b_dc4_waits_for_the_host_to_resume() -> None:
-    bench = Bench(Params(after_stop=2000)).punching().receive(DC3)
+    bench = Bench(Params(punch_overrun=2000)).punching().receive(DC3)
     assert (bench.send(), bench.end()) == (bytes(996), None)
     assert bench.receive(DC1).send() == DC4
 

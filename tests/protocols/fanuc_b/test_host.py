@@ -326,7 +326,7 @@ def test_a_source_that_is_late_is_waited_for() -> None:
 
 @pytest.mark.parametrize("stop", [DC3, DC3_ISO])
 def test_6_4_1_dc3_inside_a_punch_out_is_its_end_before_its_time(stop: bytes) -> None:
-    """Without posting a control that is reset says no more than DC3; no character of ISO or ASCII text looks like it."""
+    """Without posting a control that is reset says no more than DC3; no character of text looks like it."""
     rig = Rig(b"")
     rig.host.receive(BytesIO(), 0)
     rig.hear(b"\x12O0001\n" + stop)

@@ -102,11 +102,40 @@ def test_blind_the_risk_is_said_before_the_first_byte() -> None:
     assert not seeing.of(Notice)
 
 
-def test_not_blind_an_early_dc3_stops_and_says_that_it_is_early() -> None:
-    rig = Rig()
+def test_with_posting_an_early_dc3_is_a_stop_if_dc1_follows_soon() -> None:
+    rig = Rig(early_stop="2")
     rig.hear(DC1)
     rig.take(100)
     rig.hear(DC3)
-    assert rig.of(Held) == [Held(why="DC3, before the buffer can have filled")]
+    assert rig.of(Held) == [Held(why="DC3")]
+    assert rig.of(Notice) == [Notice(text="DC3 before the buffer can have filled")]
+    rig.wait(2 * SECOND - 1)
+    rig.hear(DC1)
+    assert rig.take(10) == PROGRAM[100:110]
+    rig.wait(3600 * SECOND)
+    assert rig.end is None
+
+
+@pytest.mark.parametrize(("count", "codes"), [(100, DC3), (8000, DC3 + DC3)])
+def test_with_posting_but_no_er_an_early_or_second_dc3_and_no_dc1_soon_fails(count: int, codes: bytes) -> None:
+    """The control may not post at all; then this was a reset, and the next DC1 would be a start."""
+    rig = Rig(early_stop="2")
+    rig.hear(DC1)
+    rig.take(count)
+    rig.hear(codes)
+    rig.wait(2 * SECOND)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+    rig.hear(DC1)
+    assert rig.take(10) == b""
+
+
+def test_with_er_visible_an_early_dc3_may_last() -> None:
+    rig = Rig(early_stop="2")
+    rig.see()
+    rig.hear(DC1)
+    rig.take(100)
+    rig.hear(DC3)
+    rig.wait(3600 * SECOND)
     rig.hear(DC1)
     assert rig.take(10) == PROGRAM[100:110]

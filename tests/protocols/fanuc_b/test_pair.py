@@ -205,12 +205,12 @@ def test_a_reset_or_alarm_anywhere_ends_the_job_with_counts_that_hold(
     code=st.sampled_from(["iso", "ascii"]),
     posting=st.sampled_from(["on", "off"]),
     resume=st.sampled_from(["auto", "dc1", "dc2"]),
-    after_stop=st.integers(0, 511),
+    punch_overrun=st.integers(0, 511),
     pauses=st.lists(st.integers(1, 150 * MILLISECOND), max_size=3),
     by_cs=st.booleans(),
 )
 def test_a_punch_out_paused_anywhere_arrives_whole(
-    data: DataCode, code: str, posting: str, resume: str, after_stop: int, pauses: list[int], by_cs: bool
+    data: DataCode, code: str, posting: str, resume: str, punch_overrun: int, pauses: list[int], by_cs: bool
 ) -> None:
     world, program = World(), encode(program_of(1000), data)
     host_settings = {"pause": "cs"} if by_cs and posting == "off" else {}
@@ -218,7 +218,7 @@ def test_a_punch_out_paused_anywhere_arrives_whole(
         "fanuc-b",
         settings={"data": data.value, "code": code, "posting": posting, "resume": resume},
         host_settings=host_settings,
-        cnc_settings={"after_stop": str(after_stop)},
+        cnc_settings={"punch_overrun": str(punch_overrun)},
     )
     pair.host.receive(pair.received, world.now)
     pair.cnc.punch(BytesIO(program), world.now)

@@ -308,7 +308,7 @@ class FanucBCnc:
     def _obey(self, code: ControlCode) -> None:
         match code:
             case ControlCode.DC3 if self._state is State.PUNCHING:
-                self._may_still_punch = self._params.after_stop
+                self._may_still_punch = self._params.punch_overrun
                 self._move(code, State.PAUSED)
                 self._note_hold("DC3")
             case self._params.resume_code if self._state is State.PAUSED:

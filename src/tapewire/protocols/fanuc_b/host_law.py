@@ -43,6 +43,7 @@ class Timer(Enum):
     SOURCE = "source poll"
     LEAVING = "leaving"
     DAMAGED = "damaged wait"
+    EARLY_STOP = "early stop"
 
 
 _ENDING: Final = frozenset({State.LEAVING, State.IDLE})
