@@ -38,7 +38,7 @@ from tapewire.engine import (
 )
 from tapewire.errors import UsageError
 from tapewire.protocols.bridgeport.cnc_core import Timer
-from tapewire.protocols.bridgeport.cnc_law import LAW, OTHERS, Act, Cause, State, Word, vocabulary
+from tapewire.protocols.bridgeport.cnc_law import LAW, Act, Cause, State, Word, vocabulary
 from tapewire.protocols.bridgeport.cnc_output import Mark
 from tapewire.protocols.bridgeport.cnc_reading import Reading
 from tapewire.protocols.bridgeport.code_table import SEVEN_BITS
@@ -235,7 +235,7 @@ class BridgeportCnc(Reading):
             return
         if self._state in _BLANK_TAPE and character in self._params.ignore_rx:
             return
-        match self._vocabulary[self._state].get(character, OTHERS.get(self._state)):
+        match self._vocabulary[self._state][character]:
             case Word.READY:
                 self._on_ready(character, now)
             case Word.XOFF | Word.XON | Word.CANCEL as word:

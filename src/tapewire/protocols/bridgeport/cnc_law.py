@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from enum import Enum
 from typing import Final, TypeAlias
 
+from tapewire.protocols.bridgeport.code_table import SEVEN_BITS
 from tapewire.protocols.bridgeport.messages import Params
 from tapewire.protocols.bridgeport.records import record_end_codes
 
-__all__ = ["LAW", "OTHERS", "Act", "Cause", "State", "Word", "vocabulary"]
+__all__ = ["LAW", "Act", "Cause", "State", "Word", "vocabulary"]
 
 
 class State(Enum):
@@ -162,7 +163,7 @@ A word that has no row in a state is UNINVITED there, the one policy for all of 
 by nothing, and is reported, unless it was on its way when a job ended.
 """
 
-OTHERS: Final[Mapping[State, Word]] = {
+_OTHERS: Final[Mapping[State, Word]] = {
     State.TEXT_DUE: Word.TEXT,
     State.LOADING: Word.TEXT,
     State.RECORD_DUE: Word.TEXT,
@@ -175,14 +176,14 @@ The LRC is known by its place (2.2 figure): any value is one, that of a code too
 """
 
 
-def vocabulary(params: Params) -> Mapping[State, Mapping[int, Word]]:
-    """The characters that have a meaning of their own, by state."""
+def vocabulary(params: Params) -> Mapping[State, Sequence[Word | None]]:
+    """What each of the 128 characters means in each state; None: it is uninvited."""
     ready = {params.write_ready: Word.READY}
     xon = {params.xon: Word.XON}
     hold = {params.xoff: Word.XOFF, params.cancel: Word.CANCEL}
     text_end = {params.text_end: Word.TEXT_END}
     record_ends = dict.fromkeys(record_end_codes(params, params.dnc_end), Word.RECORD_END)
-    return {state: {} for state in State} | {
+    own: Mapping[State, Mapping[int, Word]] = {
         State.NAME_OPENING: ready,
         State.ASKING: ready,
         State.TEXT_DUE: ready | text_end,
@@ -193,4 +194,9 @@ def vocabulary(params: Params) -> Mapping[State, Mapping[int, Word]]:
         State.SAVE_OPENING: ready,
         State.SAVING: xon | ready | hold,
         State.PAUSED: xon | hold,
+    }
+    characters = range(SEVEN_BITS + 1)
+    return {
+        state: tuple(own.get(state, {}).get(character, _OTHERS.get(state)) for character in characters)
+        for state in State
     }
