@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tapewire.engine import AfterStop, Alarm, LineFault, Notice, Outcome, Violation
 from tapewire.protocols.bridgeport.cnc import State
 from tapewire.protocols.bridgeport.messages import FirstRecord, Hold, Mode, Parity
-from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, DncEnd, Lrc
+from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, Cut, DncEnd, Lrc, cut_length
 from tests.protocols.bridgeport.cnc_bench import (
     ACK,
     DC1,
@@ -227,6 +227,16 @@ def test_after_a_silence_a_remote_that_had_only_paused_is_given_up() -> None:
     assert bench.end() == (Outcome.FAILED, 0, 0)
 
 
+def test_after_a_silence_a_record_that_stops_again_has_an_end_of_its_own() -> None:
+    bench = Bench.linking().receive(record(FIRST, end=ETX)).wait(5)
+    assert bench.send() == NAK
+    bench.receive(record(FIRST, end=ETX))
+    assert bench.wait(5).send() == DLE
+    assert "its end is not known here" in bench.ended().reason
+    damaged = Bench.linking().receive(FIRST).wait(5).said().fault()
+    assert damaged.wait(5).send() == NAK, "this time it is known why"
+
+
 def test_after_a_silence_a_copy_damaged_on_the_line_is_asked_for_again() -> None:
     bench = Bench.linking().receive(FIRST[:5]).wait(5).said()
     bench.fault().receive(record(FIRST)[1:])
@@ -397,6 +407,27 @@ def test_3_2_a_record_without_room_is_refused_not_cut() -> None:
     bench.take()
     assert bench.receive(record(b"9" * 54)).send() == ACK
     assert bench.take() == b"9" * 54
+
+
+# 5: sizes
+
+
+@pytest.mark.parametrize(("cut", "count", "wire"), [(Cut.LINES, 51, 12403), (Cut.FIXED, 49, 12399)])
+def test_2_2_3_the_file_of_12300_bytes(cut: Cut, count: int, wire: int) -> None:
+    lines = (b"N%dG1X%.4fY%.4f\r\n" % (n, n / 100, n / 200) for n in range(1, 1000))
+    text = b"".join(lines)[:12300]
+    text = text[: text.rindex(b"\n") + 1]
+    bench, rest, said, taken = Bench.linking(), text, 0, b""
+    while rest:
+        length = cut_length(rest, 256, cut, whole=True)
+        assert length
+        said += len(record(rest[:length]))
+        assert bench.receive(record(rest[:length])).send() == ACK
+        taken, rest, count = taken + bench.take(), rest[length:], count - 1
+    bench.receive(EOT)
+    assert (count, said + 1, taken == text) == (0, wire, True)
+    assert bench.end() == (Outcome.COMPLETE, len(text), len(text))
+    assert bench.all(Notice) == []
 
 
 # everything at once

@@ -167,18 +167,17 @@ class Reading(Core):
         self._move(Word.LRC, State.ANSWERING)
         self._timers.stop(Timer.SILENCE)
         text = self._records.judge(check)
-        if self._records.doubt is not None:
-            self._fault(self._records.doubt)
-            return
-        if text is not None:
-            self._store(text)
-        else:
+        if text is None:
             self._start(Timer.QUIET, self._params.nak_quiet, now)
+        elif self._records.doubt is None:
+            self._store(text)
         self._answer(now)
 
     def _answer(self, now: Nanos) -> None:
         refused = self._records.refused
-        if 0 < self._params.nak_limit < refused:
+        if self._records.doubt is not None:
+            self._fault(self._records.doubt)
+        elif 0 < self._params.nak_limit < refused:
             self._fault(f"a record was bad {refused} times running (nak_limit)")
         else:
             self._resume_if_low(now)

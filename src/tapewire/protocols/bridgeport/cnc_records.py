@@ -97,6 +97,8 @@ class Records:
 
     def refuse_after_silence(self) -> None:
         """The record stopped in the middle: its end was damaged, or the remote has paused."""
+        if self._asked_after_silence and not self.record.damaged:
+            self.doubt = "the record asked for after a silence stopped in the middle too, so its end is not known here"
         self.record.clear()
         self.refused += 1
         self._asked_after_silence = True
