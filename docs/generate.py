@@ -25,7 +25,7 @@ from tapewire import engine
 from tapewire.cli import main as command_line
 from tapewire.engine import MILLISECOND, SECOND
 from tapewire.line.pacing import WINDOW_BAUD_PER_CHARACTER, default_window
-from tapewire.protocols import PROTOCOLS
+from tapewire.protocols import PROTOCOLS, delivery
 from tapewire.protocols.fanuc_b import cnc, cnc_law, host, host_delivery, host_law, messages
 from tapewire.protocols.fanuc_b.messages import EXPANSION_B, PROTOCOL_B, CodeSystem, ControlCode, Params, encode
 from tapewire.protocols.settings import describe_settings
@@ -272,7 +272,7 @@ PARTS: Final[dict[str, Callable[[], str]]] = {
     "fanuc_b host law": _host_law,
     "fanuc_b control states": partial(_states, cnc_law.State),
     "fanuc_b control law": _cnc_law,
-    "fanuc_b constants": partial(_constants, host, host_delivery, cnc),
+    "fanuc_b constants": partial(_constants, host, host_delivery, delivery, cnc),
     **{f"dialogue {path.stem}": partial(_dialogue, path) for path in sorted((TRANSCRIPTS / "fanuc_b").glob("*.txt"))},
 }
 

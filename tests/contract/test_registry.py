@@ -26,14 +26,18 @@ def test_every_setting_says_what_it_means(entry: ProtocolEntry) -> None:
 
 @every_protocol
 def test_an_unknown_setting_is_refused_with_the_names_there_are(entry: ProtocolEntry) -> None:
-    with pytest.raises(UsageError, match=r"no setting 'nonsense'; the settings are .*data"):
+    known = describe_settings(entry.record)[0][0]
+    with pytest.raises(UsageError, match=rf"no setting 'nonsense'; the settings of the host are .*{known}"):
         entry.params({"nonsense": "1"}, End.HOST)
 
 
 @every_protocol
 def test_a_wrong_value_is_refused_with_the_values_there_are(entry: ProtocolEntry) -> None:
-    with pytest.raises(UsageError, match=r"data=morse: one of .*iso.* is expected"):
-        entry.params({"data": "morse"}, End.HOST)
+    for key, values, _, whose, _ in describe_settings(entry.record):
+        end = End.CONTROL if whose == End.CONTROL else End.HOST
+        with pytest.raises(UsageError, match=rf"{key}=morse code: .*") as refusal:
+            entry.params({key: "morse code"}, end)
+        assert values in str(refusal.value)
 
 
 def test_an_unknown_protocol_is_refused_with_the_names_there_are() -> None:

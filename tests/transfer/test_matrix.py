@@ -13,6 +13,7 @@ import pytest
 
 from tapewire.codes import DataCode
 from tapewire.engine import Nanos, Outcome
+from tapewire.protocols.text_rules import FanucText
 from tapewire.transfer.api import receive, run_control, send
 from tapewire.transfer.control import ControlTask, Operation
 from tapewire.transfer.program import Program
@@ -68,7 +69,7 @@ class Case:
             return await receive(self.folder / "got.nc", **await self.how("host"))
 
         async def cnc() -> Result:
-            program = Program.from_file(self.folder.parent / "in.nc", DataCode(self.data))
+            program = Program.from_file(self.folder.parent / "in.nc", FanucText(DataCode(self.data)))
             try:
                 task = ControlTask(operation=Operation.PUNCH, punch=program)
                 return await run_control(task, **await self.how("cnc"))

@@ -91,4 +91,4 @@ def _program(file: str | None, operation: str, job: JobSettings, raw: bool) -> P
         raise UsageError("--operation punch needs --file, the program to punch")
     if not job.protocol.punches_out:
         raise UsageError(f"{job.protocol.name} has no punch-out")
-    return Program.from_file(file, job.protocol.data_code(job.params), raw=raw)
+    return Program.from_file(file, job.protocol.text(job.params), raw=raw)

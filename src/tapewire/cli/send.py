@@ -38,7 +38,7 @@ def send(
     job = settings_for(
         End.HOST, line, protocol, baud=baud, stopbits=int(stopbits), settings=settings, timeout_s=timeout
     )
-    program = Program.from_file(file, job.protocol.data_code(job.params), raw=raw)
+    program = Program.from_file(file, job.protocol.text(job.params), raw=raw)
 
     async def transfer(output: Output, stop: asyncio.Event) -> Result:
         return await send_program(program, job.observed_by(output.observe, stop))

@@ -8,16 +8,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
-from tapewire.codes import DataCode
 from tapewire.engine import CncEngine, HostEngine
 from tapewire.errors import UsageError
-from tapewire.protocols import fanuc_b
+from tapewire.protocols import bridgeport, fanuc_b
 from tapewire.protocols.settings import End
+from tapewire.protocols.text_rules import FanucText, TextRules
 
 __all__ = ["PROTOCOLS", "ProtocolEntry", "Reader", "protocol"]
 
 Reader: TypeAlias = Callable[[bytes], list[str | bytes]]
 """Puts what one end sent into words: names of codes and messages, and runs of program bytes."""
+
+
+def _fanuc_text(params: Any) -> TextRules:
+    return FanucText(params.data)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,17 +44,22 @@ class ProtocolEntry:
     cnc: Callable[[Any], CncEngine]
     words: Callable[[Any], tuple[Reader, Reader]]
     """Readers for what the host says and for what the control says."""
-
-    def data_code(self, params: Any) -> DataCode:
-        """The code of the program's characters on the line."""
-        code = params.data
-        assert isinstance(code, DataCode)
-        return code
+    text: Callable[[Any], TextRules] = _fanuc_text
+    """What programs are on its line."""
 
 
 def _fanuc_b_words(params: fanuc_b.Params) -> tuple[Reader, Reader]:
     words = fanuc_b.Words(params.data)
     return words.host, words.control
+
+
+def _bridgeport_words(params: bridgeport.Params) -> tuple[Reader, Reader]:
+    words = bridgeport.Words(params)
+    return words.host, words.control
+
+
+def _bridgeport_text(params: bridgeport.Params) -> TextRules:
+    return bridgeport.BridgeportText()
 
 
 _ENTRIES: Final = (
@@ -77,6 +86,19 @@ _ENTRIES: Final = (
         host=fanuc_b.FanucBHost,
         cnc=fanuc_b.FanucBCnc,
         words=_fanuc_b_words,
+    ),
+    ProtocolEntry(
+        name="bridgeport",
+        title="Bridgeport REMOTE LOAD and DNC LINK",
+        clause="REMOTE LOAD AND DNC LINK PROTOCOLS, whose control codes are a reconstruction",
+        baud=9600,
+        punches_out=True,
+        record=bridgeport.Params,
+        params=bridgeport.Params.for_bridgeport,
+        host=bridgeport.BridgeportHost,
+        cnc=bridgeport.BridgeportCnc,
+        words=_bridgeport_words,
+        text=_bridgeport_text,
     ),
 )
 

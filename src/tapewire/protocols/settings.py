@@ -126,7 +126,7 @@ def _parse(field: dataclasses.Field[Any], text: str) -> object:
         try:
             return form.parse(text)
         except ValueError as error:
-            raise UsageError(f"{key}={text}: {error}") from None
+            raise UsageError(f"{key}={text}: {error} ({form.values})") from None
     if isinstance(default, StrEnum):
         words = type(default)
         if text not in list(words):

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from io import BytesIO
 from typing import Any, Final
 
-from tapewire.codes import EOB_CODES
 from tapewire.engine import SECOND, CncEngine, Ended, Event, HostEngine, Nanos, Received
 from tapewire.line.link import Link
 from tapewire.line.pacing import default_window
@@ -102,7 +101,7 @@ class World:
             has_signals=has_signals,
         )
         program = BytesIO()
-        control = Control(cnc, program, eob=EOB_CODES[entry.data_code(cnc_params)] or b"\n", **operator)
+        control = Control(cnc, program, eob=entry.text(cnc_params).eob, **operator)
         pair = self._wire(entry, host, cnc, control, program, near, far)
         host_words, cnc_words = entry.words(cnc_params)
         pair.host_link.on_item = _listener(pair.transcript, "cnc", cnc_words)

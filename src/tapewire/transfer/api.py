@@ -36,7 +36,7 @@ async def send(
 ) -> Result:
     """Give the program in `file` to one control when it asks for it; `raw` sends its bytes untouched."""
     job = _job(End.HOST, line, protocol, baud, stopbits, settings, timeout_s, observer, stop)
-    program = Program.from_file(file, job.protocol.data_code(job.params), raw=raw)
+    program = Program.from_file(file, job.protocol.text(job.params), raw=raw)
     try:
         return await sending.send_program(program, job)
     finally:

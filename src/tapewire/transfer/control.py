@@ -10,7 +10,6 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Final
 
-from tapewire.codes import EOB_CODES
 from tapewire.engine import Nanos, Outcome
 from tapewire.errors import UsageError
 from tapewire.line.open import TtyAddress
@@ -108,7 +107,7 @@ async def run_control(task: ControlTask, job: JobSettings) -> Result:
         cnc,
         taken,
         blocks_per_second=task.blocks_per_second if task.operation is Operation.DNC else None,
-        eob=EOB_CODES[job.protocol.data_code(job.params)] or b"\n",
+        eob=job.protocol.text(job.params).eob,
         reset_after=task.reset_after,
         alarm_after=task.alarm_after,
     )

@@ -8,9 +8,8 @@ import tempfile
 from pathlib import Path
 from typing import IO, Final
 
-from tapewire.codes import DataCode
 from tapewire.errors import ProgramError, UsageError
-from tapewire.fanuc.tape import inspect_raw, prepare
+from tapewire.protocols.text_rules import FanucText, TextRules
 
 __all__ = ["Program"]
 
@@ -31,28 +30,32 @@ class Program:
         self.byte_count = spool.seek(0, 2)
 
     @classmethod
-    def from_file(cls, path: str | Path, code: DataCode = DataCode.ASCII, *, raw: bool = False) -> Program:
-        """The program in the file `path`, prepared for a control that reads `code`; untouched when `raw`.
+    def from_file(cls, path: str | Path, text: TextRules | None = None, *, raw: bool = False) -> Program:
+        """The program in the file `path`, prepared by the rules of `text`; untouched when `raw`.
+
+        Without `text` it is for a FANUC control that reads ASCII.
 
         Raises ProgramError when it cannot be sent as it is, UsageError when the file cannot be read.
         """
         try:
             with open(path, "rb") as file:
-                return cls._spooled(Path(path).name, file, code, raw)
+                return cls._spooled(Path(path).name, file, text or FanucText(), raw)
         except ProgramError as error:
             raise ProgramError(f"{path}: {error}", line=error.line, column=error.column) from None
         except OSError as error:
             raise UsageError(f"{path}: cannot be read ({error.strerror})") from None
 
     @classmethod
-    def _spooled(cls, name: str, file: IO[bytes], code: DataCode, raw: bool) -> Program:
+    def _spooled(cls, name: str, file: IO[bytes], text: TextRules, raw: bool) -> Program:
         spool: IO[bytes] = tempfile.SpooledTemporaryFile(IN_MEMORY_BYTES)  # noqa: SIM115 - the program owns it
         try:
             if raw:
                 shutil.copyfileobj(file, spool)
                 spool.seek(0)
-                return cls(name, spool, (), inspect_raw(spool.read, code).notes)
-            return cls(name, spool, prepare(file.read, spool.write, code).changes, ())
+                told = text.inspect_raw(spool.read)
+            else:
+                told = text.prepare(file.read, spool.write)
+            return cls(name, spool, told.changes, told.notes)
         except BaseException:
             spool.close()
             raise

@@ -7,16 +7,15 @@ import errno
 import os
 import queue
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from tapewire.codes import DataCode
 from tapewire.engine import Ended, HostEngine, Nanos, Outcome
 from tapewire.errors import UsageError
-from tapewire.fanuc.tape import Damage, PunchReader
 from tapewire.line.transport import Transport
+from tapewire.protocols.text_rules import TextRules
 from tapewire.transfer.files import StoredFile
 from tapewire.transfer.reports import Result
 from tapewire.transfer.session import JobSettings, Session
@@ -45,9 +44,9 @@ async def receive_program(path: Path, job: JobSettings, *, raw: bool = False, fo
     """
     if not job.protocol.punches_out:
         raise UsageError(f"{job.protocol.name} has no punch-out: nothing can be received by it")
-    code = job.protocol.data_code(job.params)
+    text = None if raw else job.protocol.text(job.params)
     host = job.protocol.host(job.params)
-    store = _Store(path, None if raw else code, force)
+    store = _Store(path, text, force)
     backlog = _Backlog(host, store)
     session = Session(
         job,
@@ -117,16 +116,16 @@ class _Backlog:
 class _Store:
     """A sink that a thread empties into a file, so that a slow disk never stops the line's loop."""
 
-    def __init__(self, path: Path, code: DataCode | None, force: bool) -> None:
+    def __init__(self, path: Path, text: TextRules | None, force: bool) -> None:
         _check_name(path, force)
         self.path = path
         self.part = path.parent / (path.name + ".part")
         self.error: OSError | None = None
-        self.damage: tuple[Damage, ...] = ()
+        self.damage: Sequence[object] = ()
         self.on_progress: Callable[[], object] = lambda: None
         self._force = force
         self._file = StoredFile(self.part)
-        self._reader = None if code in (None, DataCode.BINARY) else PunchReader(code, self._put)
+        self._reader = None if text is None else text.reader(self._put)
         self._taken = 0
         self._written = 0
         self._is_whole = False

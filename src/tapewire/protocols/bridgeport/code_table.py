@@ -80,7 +80,8 @@ class Role:
     def why(self) -> str:
         sure = "our choice" if self.confidence is None else f"{self.confidence} % sure"
         other = f"; else {self.instead}" if self.instead else ""
-        return f"From the {self.says}: {self.meaning} ({sure}{other})."
+        sender = "both ends" if self.says == "both" else f"the {self.says}"
+        return f"From {sender}: {self.meaning} ({sure}{other})."
 
 
 ROLES: Final[Mapping[str, Role]] = {

@@ -7,7 +7,7 @@ holds any is refused, never repaired. Line ends become CR LF.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,8 +15,9 @@ from tapewire.codes import CR, DEL, LF, NUL, TAB, first_outside, name_of
 from tapewire.errors import ProgramError
 from tapewire.protocols.bridgeport.messages import NAME_BYTES
 from tapewire.protocols.bridgeport.records import LINK_TEXT_BYTES
+from tapewire.protocols.text_rules import Read, Told, Write
 
-__all__ = ["TEXT", "Preparation", "SavedText", "inspect_raw", "prepare"]
+__all__ = ["TEXT", "BridgeportText", "SavedText", "inspect_raw", "prepare"]
 
 TEXT: Final = bytes((*range(0x20, DEL), CR, LF, TAB))
 """What the text of a program may hold."""
@@ -26,20 +27,8 @@ CHUNK_BYTES: Final = 1 << 16
 _LONE_CR: Final = re.compile(rb"\r(?!\n)")
 _FEED: Final = bytes((NUL, DEL))
 
-Read = Callable[[int], bytes]
-Write = Callable[[bytes], object]
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Preparation:
-    """What was written, how it differs from the file, and what the operator should know about it."""
-
-    byte_count: int
-    changes: tuple[str, ...]
-    notes: tuple[str, ...]
-
-
-def prepare(read: Read, write: Write) -> Preparation:
+def prepare(read: Read, write: Write) -> Told:
     """Write the text file behind `read` as it can be sent: with CR LF, in constant memory.
 
     A lone CR as line end is refused, as FANUC's preparation does: it may be a lost LF. Raises ProgramError with line
@@ -63,17 +52,17 @@ def prepare(read: Read, write: Write) -> Preparation:
         write(b"\r\n")
         byte_count += 2
         changes.append("CR LF put after the last line, which had no line end")
-    return Preparation(byte_count=byte_count, changes=tuple(changes), notes=_notes(byte_count))
+    return Told(changes=tuple(changes), notes=_notes(byte_count))
 
 
-def inspect_raw(read: Read) -> Preparation:
+def inspect_raw(read: Read) -> Told:
     """Read a file that is to be sent untouched. What would forge codes is refused here too."""
     byte_count, line = 0, 1
     for piece in _pieces(read):
         _check(piece, line)
         line += piece.count(b"\n")
         byte_count += len(piece)
-    return Preparation(byte_count=byte_count, changes=(), notes=_notes(byte_count))
+    return Told(notes=_notes(byte_count))
 
 
 def _notes(byte_count: int) -> tuple[str, ...]:
@@ -133,9 +122,10 @@ class SavedText:
         self._carry = b"\r" if data.endswith(b"\r") else b""
         self._put(data[: len(data) - len(self._carry)])
 
-    def finish(self) -> None:
+    def finish(self) -> list[str]:
         self._put(self._carry)
         self._carry = b""
+        return self.damage
 
     def _put(self, data: bytes) -> None:
         if (offset := first_outside(data, TEXT)) is not None:
@@ -149,3 +139,21 @@ class SavedText:
     def _note(self, what: str, offset: int) -> None:
         if not self.damage:
             self.damage.append(f"{what} at byte {self._count + offset:,}")
+
+
+@dataclass(frozen=True, slots=True)
+class BridgeportText:
+    """The rules of a Bridgeport line."""
+
+    @property
+    def eob(self) -> bytes:
+        return b"\n"
+
+    def prepare(self, read: Read, write: Write) -> Told:
+        return prepare(read, write)
+
+    def inspect_raw(self, read: Read) -> Told:
+        return inspect_raw(read)
+
+    def reader(self, write: Write) -> SavedText:
+        return SavedText(write)
