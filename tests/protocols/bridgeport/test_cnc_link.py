@@ -98,6 +98,10 @@ def test_1_2_1_the_first_record_on_the_request_or_on_an_ack() -> None:
 def test_2_2_1_a_short_program_is_pointed_out_a_long_one_is_not() -> None:
     bench = Bench.linking().receive(record(FIRST)).said().receive(EOT)
     assert "2.2.1" in bench.all(Notice)[0].text
+    brim = Bench.linking(buffer=20_000)
+    for count in (*[256] * 46, 224):
+        brim.receive(record(b"7" * count)).said()
+    assert "has 12000" in brim.receive(EOT).all(Notice)[0].text
     long = Bench.linking(buffer=20_000)
     for _ in range(47):
         assert long.receive(record(b"7" * 256)).send() == ACK

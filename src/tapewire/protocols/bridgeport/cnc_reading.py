@@ -47,7 +47,6 @@ class Reading(Core):
         if self._stop.active:
             self._end_stop()
         self._owes_xon = False
-        self._records.record.clear()
         super()._close(cause, outcome, reason, codes)
 
     # text, and records of it
