@@ -23,6 +23,7 @@ from hypothesis import strategies as st
 from tapewire.engine import MILLISECOND, SECOND, Closure, LineFault, SignalsIn, SignalsOut
 from tapewire.errors import LineBusy, LineError, LineNotFound
 from tapewire.line import serial_port
+from tapewire.line.descriptor import LineSettings
 from tapewire.line.serial_port import decode_marks, open_tty
 from tapewire.line.transport import Fault
 from tests.line.helpers import Clock, Seen, read_until_closed, settings
@@ -264,6 +265,14 @@ def test_a_driver_without_parity_is_refused(port: Port, driver: FakeDriver) -> N
     with pytest.raises(LineError, match="8E1"):
         open_tty(port[1], settings(stopbits=1))
     assert set(os.listdir("/proc/self/fd")) == before
+
+
+@pytest.mark.parametrize(("stopbits", "framing"), [(1, "7E1"), (2, "7E2")])
+def test_seven_bits_have_parity_with_any_stop_bits(port: Port, driver: FakeDriver, stopbits: int, framing: str) -> None:
+    seven = LineSettings(baud=9600, window=2, stopbits=stopbits, data_bits=7)
+    assert (seven.framing, seven.has_parity) == (framing, True)
+    with pytest.raises(LineError, match=framing):
+        open_tty(port[1], seven)
 
 
 def test_control_lines_are_polled_and_told_at_every_change(port: Port, driver: FakeDriver) -> None:

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import click
 
-from tapewire.cli.common import Number, line_options, parse_words, run_job
+from tapewire.cli.common import Number, line_options, run_job, settings_of
 from tapewire.cli.output import Output
 from tapewire.errors import UsageError
+from tapewire.protocols.bridgeport.messages import Mode
 from tapewire.protocols.settings import End
 from tapewire.transfer.control import ControlTask, Operation, run_control
 from tapewire.transfer.program import Program
@@ -31,6 +32,9 @@ _COUNT = click.IntRange(min=1)
     show_default=True,
     help="Execute a program as it comes, read it into memory, or punch one out.",
 )
+@click.option(
+    "--program", metavar="NUMBER", help="bridgeport: the program it asks for, or saves under; -1 asks without a name."
+)
 @click.option("--file", type=click.Path(readable=False), help="The program to punch out.")
 @click.option("--raw", is_flag=True, help="Punch the file's bytes untouched.")
 @click.option(
@@ -47,11 +51,13 @@ def cnc(
     line: str,
     protocol: str,
     baud: int | None,
-    stopbits: str,
+    stopbits: int | None,
     words: tuple[str, ...],
     timeout: float | None,
+    profile: Path | None,
     as_json: bool,
     operation: str,
+    program: str | None,
     file: str | None,
     raw: bool,
     save: Path | None,
@@ -62,9 +68,16 @@ def cnc(
     """Be a simulated control on LINE for one operation, and exit."""
     if operation == Operation.PUNCH and save is not None:
         raise UsageError("--save stores what the control took: it does not go with --operation punch")
-    settings = parse_words(words)
+    settings = settings_of(words, profile, protocol, End.CONTROL)
+    settings = {**_asked_for(program, protocol, operation), **settings}
     job = settings_for(
-        End.CONTROL, line, protocol, baud=baud, stopbits=int(stopbits), settings=settings, timeout_s=timeout
+        End.CONTROL,
+        line,
+        protocol,
+        baud=baud,
+        stopbits=stopbits,
+        settings=settings,
+        timeout_s=timeout,
     )
     task = ControlTask(
         operation=Operation(operation),
@@ -92,3 +105,13 @@ def _program(file: str | None, operation: str, job: JobSettings, raw: bool) -> P
     if not job.protocol.punches_out:
         raise UsageError(f"{job.protocol.name} has no punch-out")
     return Program.from_file(file, job.protocol.text(job.params), raw=raw)
+
+
+def _asked_for(program: str | None, protocol: str, operation: str) -> dict[str, str]:
+    """A control with program numbers asks for one to execute it (;D), or to keep it in memory (;L)."""
+    if protocol != "bridgeport":
+        if program is not None:
+            raise UsageError(f"--program {program}: a control asks for no number by {protocol}")
+        return {}
+    number = {} if program is None else {"program": program}
+    return {"mode": (Mode.LOAD if operation == Operation.READ else Mode.LINK).value, **number}

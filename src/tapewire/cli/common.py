@@ -8,6 +8,7 @@ import signal
 import sys
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import click
@@ -16,6 +17,8 @@ from tapewire.cli.output import JsonLines, Output, PeopleLines, Presenter
 from tapewire.engine import Outcome
 from tapewire.errors import UsageError
 from tapewire.protocols import PROTOCOLS
+from tapewire.protocols.bridgeport.profile import Profile
+from tapewire.protocols.settings import End
 from tapewire.transfer.reports import Result
 
 __all__ = [
@@ -27,6 +30,7 @@ __all__ = [
     "line_options",
     "parse_words",
     "run_job",
+    "settings_of",
     "stop_on_signals",
 ]
 
@@ -61,7 +65,9 @@ _OPTIONS: Final = (
     click.option("--protocol", required=True, metavar="NAME", help=f"One of {', '.join(PROTOCOLS)}."),
     click.option("--baud", type=click.IntRange(50, 4_000_000), help="Bits a second; each protocol has its default."),
     click.option(
-        "--stopbits", type=click.Choice(["1", "2"]), default="1", help="1 is 8E1, 2 is 8N2.", show_default=True
+        "--stopbits",
+        type=click.Choice([1, 2]),
+        help="8E1 or 8N2, for bridgeport 7E1 or 7E2; the default is 1, for bridgeport 2.",
     ),
     click.option(
         "--set", "words", multiple=True, metavar="KEY=VALUE", help="A protocol parameter; may be given many times."
@@ -71,6 +77,12 @@ _OPTIONS: Final = (
         type=Number(min=0, min_open=True),
         metavar="SECONDS",
         help="Not complete so long after the start of the command: failed.",
+    ),
+    click.option(
+        "--profile",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        help="bridgeport: a code table, and more settings, from a file; --set comes after it.",
     ),
     click.option("--json", "as_json", is_flag=True, help="One JSON object a line on stdout."),
 )
@@ -92,6 +104,21 @@ def parse_words(words: tuple[str, ...]) -> dict[str, str]:
             raise UsageError(f"--set {word}: KEY=VALUE is expected, as in --set posting=off")
         settings[key] = value
     return settings
+
+
+def settings_of(words: tuple[str, ...], profile: Path | None, protocol: str, end: End) -> dict[str, str]:
+    """The settings of a profile, with those of `--set` over them. Raises UsageError."""
+    settings = parse_words(words)
+    if profile is None:
+        return settings
+    if protocol != "bridgeport":
+        raise UsageError(f"--profile holds the codes of bridgeport: it does not go with --protocol {protocol}")
+    try:
+        text = profile.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is no text"
+        raise UsageError(f"{profile}: cannot be read ({reason})") from None
+    return {**Profile.loads(text, str(profile)).settings_for(end), **settings}
 
 
 def run_job(

@@ -42,7 +42,8 @@ QUEUE_POLL: Final[Nanos] = 5 * MILLISECOND
 class LineSettings:
     """How a line is run, whatever kind it is.
 
-    `window` is the number of characters allowed in flight. `stopbits` 1 means 8E1 and 2 means 8N2 on a real port.
+    `window` is the number of characters allowed in flight. On a real port `stopbits` 1 means 8E1 and 2 means 8N2; with
+    seven `data_bits` they mean 7E1 and 7E2.
     With `paced_reception` characters are taken no faster than `baud`. Raises UsageError.
     """
 
@@ -50,6 +51,17 @@ class LineSettings:
     stopbits: int
     window: int
     paced_reception: bool = False
+    data_bits: int = 8
+
+    @property
+    def has_parity(self) -> bool:
+        """The UART makes and checks even parity."""
+        return self.data_bits == 7 or self.stopbits == 1
+
+    @property
+    def framing(self) -> str:
+        """In the usual three characters."""
+        return f"{self.data_bits}{'E' if self.has_parity else 'N'}{self.stopbits}"
 
     def __post_init__(self) -> None:
         low, high = BAUD_LIMITS
@@ -57,6 +69,8 @@ class LineSettings:
             raise UsageError(f"a line cannot run at {self.baud} baud: give a rate from {low} to {high}")
         if self.stopbits not in (1, 2):
             raise UsageError(f"a line cannot have {self.stopbits} stop bits: give 1 (8E1) or 2 (8N2)")
+        if self.data_bits not in (7, 8):
+            raise UsageError(f"a line cannot have {self.data_bits} data bits: give 7 or 8")
         if self.window < 1:
             raise UsageError(f"a line cannot run with a window of {self.window} characters: give 1 or more")
 

@@ -108,6 +108,7 @@ async def open_line(
     *,
     baud: int,
     stopbits: int,
+    data_bits: int = 8,
     window: int,
     paced_reception: bool = False,
     on_ready: Callable[[str], None] | None = None,
@@ -118,7 +119,9 @@ async def open_line(
     listens, for the others when they are open. Raises UsageError for settings no line can have, and LineError.
     Cancelling leaves nothing open.
     """
-    settings = LineSettings(baud=baud, stopbits=stopbits, window=window, paced_reception=paced_reception)
+    settings = LineSettings(
+        baud=baud, stopbits=stopbits, data_bits=data_bits, window=window, paced_reception=paced_reception
+    )
     ready = on_ready or _nobody
     match address:
         case TtyAddress(path=path):

@@ -98,7 +98,7 @@ class TtyLine(DescriptorLine):
         self._is_pseudo = is_pseudo
         self._carry = b""
         # Without parity a damaged character can only be one whose stop bit is missing.
-        self._damage = LineFault.PARITY if settings.stopbits == 1 else LineFault.FRAMING
+        self._damage = LineFault.PARITY if settings.has_parity else LineFault.FRAMING
         self._has_signals = not is_pseudo and _has_signals(fd)
 
     @property
@@ -233,8 +233,9 @@ def _lock(fd: int, path: str, is_pseudo: bool) -> None:
 
 
 def _set_up(fd: int, path: str, settings: LineSettings, is_pseudo: bool) -> None:
-    parity = termios.PARENB if settings.stopbits == 1 else termios.CSTOPB
-    framing = termios.CS8 | parity
+    framing = termios.CS8 if settings.data_bits == 8 else termios.CS7
+    framing |= termios.PARENB if settings.has_parity else 0
+    framing |= termios.CSTOPB if settings.stopbits == 2 else 0
     try:
         *_, discipline, characters, _, _ = TERMIOS2.unpack(fcntl.ioctl(fd, TCGETS2, bytes(TERMIOS2.size)))
         wanted = bytearray(characters)
@@ -252,8 +253,7 @@ def _set_up(fd: int, path: str, settings: LineSettings, is_pseudo: bool) -> None
         )
     kept = termios.CSIZE | termios.PARENB | termios.PARODD | termios.CSTOPB
     if not is_pseudo and control & kept != framing:
-        name = "8E1" if settings.stopbits == 1 else "8N2"
-        raise LineError(f"{path} cannot run {name}: its driver refuses it; use another adapter")
+        raise LineError(f"{path} cannot run {settings.framing}: its driver refuses it; use another adapter")
 
 
 def _has_signals(fd: int) -> bool:

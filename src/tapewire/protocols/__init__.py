@@ -24,6 +24,10 @@ def _fanuc_text(params: Any) -> TextRules:
     return FanucText(params.data)
 
 
+def _eight_bits(params: Any, stopbits: int) -> int:
+    return 8
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProtocolEntry:
     """One protocol: its two engines and what must be known to run them."""
@@ -46,6 +50,10 @@ class ProtocolEntry:
     """Readers for what the host says and for what the control says."""
     text: Callable[[Any], TextRules] = _fanuc_text
     """What programs are on its line."""
+    stopbits: int = 1
+    """Used when none are asked for."""
+    data_bits: Callable[[Any, int], int] = _eight_bits
+    """Bits of a character between start and parity, for these parameters and stop bits. Raises UsageError."""
 
 
 def _fanuc_b_words(params: fanuc_b.Params) -> tuple[Reader, Reader]:
@@ -99,6 +107,8 @@ _ENTRIES: Final = (
         cnc=bridgeport.BridgeportCnc,
         words=_bridgeport_words,
         text=_bridgeport_text,
+        stopbits=2,
+        data_bits=bridgeport.data_bits,
     ),
 )
 

@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import hashlib
 import os
 import queue
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Final
 
-from tapewire.engine import Ended, HostEngine, Nanos, Outcome
+from tapewire.engine import Ended, HostEngine, Nanos, Notice, Outcome
 from tapewire.errors import UsageError
+from tapewire.line.driver import monotonic
 from tapewire.line.transport import Transport
+from tapewire.protocols.bridgeport.host_arming import Policy
 from tapewire.protocols.text_rules import TextRules
 from tapewire.transfer.files import StoredFile
+from tapewire.transfer.folder import ProgramFolder
+from tapewire.transfer.numbered import numbered_host
 from tapewire.transfer.reports import Result
 from tapewire.transfer.session import JobSettings, Session
 
-__all__ = ["receive_program"]
+__all__ = ["receive_by_number", "receive_program"]
 
 PAUSE_AT_BYTES: Final = 64 * 1024
 """So many bytes waiting for the disk pause the punch-out."""
@@ -44,10 +50,30 @@ async def receive_program(path: Path, job: JobSettings, *, raw: bool = False, fo
     """
     if not job.protocol.punches_out:
         raise UsageError(f"{job.protocol.name} has no punch-out: nothing can be received by it")
-    text = None if raw else job.protocol.text(job.params)
     host = job.protocol.host(job.params)
-    store = _Store(path, text, force)
-    backlog = _Backlog(host, store)
+    store = _Store(path, None if raw else job.protocol.text(job.params), force)
+    return await _receive(host, job, lambda: store, lambda now: host.receive(store, now))
+
+
+async def receive_by_number(
+    folder: ProgramFolder, job: JobSettings, *, raw: bool = False, force: bool = False
+) -> Result:
+    """Store the next program one control sends in `folder`, by the number it sends it under.
+
+    A program of that number that is there already is only replaced with `force`; otherwise the new one stands beside
+    it. Raises UsageError for a protocol without program numbers, LineError.
+    """
+    host = numbered_host(job)
+    places = _Places(folder, job, raw=raw, force=force)
+    arm = partial(host.serve, None, shelf=places, policy=Policy.ONCE)
+    return await _receive(host, job, lambda: places.store, arm)
+
+
+async def _receive(
+    host: HostEngine, job: JobSettings, stored: Callable[[], _Store | None], arm: Callable[[Nanos], None]
+) -> Result:
+    """Run the job; `stored` says where what comes in goes, once that is known."""
+    backlog = _Backlog(host, stored)
     session = Session(
         job,
         host,
@@ -59,17 +85,56 @@ async def receive_program(path: Path, job: JobSettings, *, raw: bool = False, fo
 
     def begin(transport: Transport, now: Nanos) -> None:
         loop = asyncio.get_running_loop()
-        store.on_progress = lambda: loop.call_soon_threadsafe(session.driver.wake)
-        host.receive(store, now)
+        backlog.on_progress = lambda: loop.call_soon_threadsafe(session.driver.wake)
+        arm(now)
 
     try:
         ended = await session.run(begin)
     except BaseException:
-        await store.finish()
+        if (store := stored()) is not None:
+            await store.finish()
         raise
+    store = stored()
+    if store is None:
+        session.report_progress()
+        return _nothing_stored(ended, session)
     await store.finish(is_whole=ended.outcome is Outcome.COMPLETE)
     session.report_progress()
     return store.result(_verdict(ended, store, backlog), session)
+
+
+def _nothing_stored(ended: Ended, session: Session) -> Result:
+    return Result(
+        outcome=ended.outcome,
+        reason=ended.reason,
+        bytes=0,
+        bytes_handed=0,
+        sha256=hashlib.sha256().hexdigest(),
+        seconds=session.seconds,
+        stops=session.stops,
+        utilisation=None,
+    )
+
+
+class _Places:
+    """Where a program goes, by its number. A Shelf of the host."""
+
+    def __init__(self, folder: ProgramFolder, job: JobSettings, *, raw: bool, force: bool) -> None:
+        self._folder = folder
+        self._job = job
+        self._text = None if raw else job.protocol.text(job.params)
+        self._force = force
+        self.store: _Store | None = None
+
+    def place(self, number: str | None) -> _Store | None:
+        try:
+            path = self._folder.place_for(number, force=self._force)
+            self.store = _Store(path, self._text, self._force)
+        except UsageError as error:
+            self._job.observer(Notice(text=str(error)), monotonic())
+            return None
+        self._job.observer(Notice(text=f"stored as {path}"), monotonic())
+        return self.store
 
 
 def _verdict(ended: Ended, store: _Store, backlog: _Backlog) -> tuple[Outcome, str]:
@@ -94,15 +159,20 @@ def _check_name(path: Path, force: bool) -> None:
 class _Backlog:
     """Pauses the punch-out while too much waits for the disk. A Link's application."""
 
-    def __init__(self, host: HostEngine, store: _Store) -> None:
+    def __init__(self, host: HostEngine, stored: Callable[[], _Store | None]) -> None:
         self._host = host
-        self._store = store
+        self._stored = stored
+        self.on_progress: Callable[[], object] = lambda: None
         self.overflowed = False
 
     def step(self, now: Nanos) -> None:
-        waiting = self._store.waiting
-        if (waiting >= GIVE_UP_AT_BYTES or self._store.error is not None) and not self.overflowed:
-            self.overflowed = self._store.error is None
+        store = self._stored()
+        if store is None:
+            return
+        store.on_progress = self.on_progress
+        waiting = store.waiting
+        if (waiting >= GIVE_UP_AT_BYTES or store.error is not None) and not self.overflowed:
+            self.overflowed = store.error is None
             self._host.abort(now)
         elif waiting >= PAUSE_AT_BYTES:
             self._host.hold_reception(now)

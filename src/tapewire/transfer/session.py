@@ -37,6 +37,7 @@ class JobSettings:
     params: Any
     baud: int
     stopbits: int = 1
+    data_bits: int = 8
     timeout_s: float | None = None
     observer: Observer = nothing
     stop: asyncio.Event = field(default_factory=asyncio.Event)
@@ -52,18 +53,21 @@ def settings_for(
     protocol_name: str,
     *,
     baud: int | None = None,
-    stopbits: int = 1,
+    stopbits: int | None = None,
     settings: Mapping[str, str],
     timeout_s: float | None = None,
 ) -> JobSettings:
     """A job's settings from words as users type them. Raises UsageError."""
     entry = protocol(protocol_name)
+    params = entry.params(settings, end)
+    stopbits = stopbits or entry.stopbits
     return JobSettings(
         line=parse_line(line),
         protocol=entry,
-        params=entry.params(settings, end),
+        params=params,
         baud=baud or entry.baud,
         stopbits=stopbits,
+        data_bits=entry.data_bits(params, stopbits),
         timeout_s=timeout_s,
     )
 
@@ -139,6 +143,7 @@ class Session:
                 self.job.line,
                 baud=self.job.baud,
                 stopbits=self.job.stopbits,
+                data_bits=self.job.data_bits,
                 window=self._window,
                 paced_reception=self._paced_reception,
                 on_ready=lambda line: self.job.observer(Ready(line=line), monotonic()),

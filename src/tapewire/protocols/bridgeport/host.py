@@ -390,7 +390,6 @@ class BridgeportHost(Job):
     def _on_end(self, now: Nanos) -> None:
         """The end of a name or of a program, or what closes it after that (1.1, 1.2.2)."""
         if self._state is State.SAVED:
-            self._finish_saved(now)
             return
         reception = self._reception
         assert reception is not None

@@ -133,7 +133,7 @@ LAW: Final[dict[tuple[State, Heard], frozenset[State]]] = {
     (State.RECEIVING, Heard.XON): frozenset({State.RECEIVING}),
     (State.RECEIVING, Heard.XOFF): frozenset({State.RECEIVING}),
     (State.RECEIVING, Heard.END): frozenset({State.REST, State.SAVED}),
-    (State.SAVED, Heard.END): frozenset({State.SAVED, State.REST}),
+    (State.SAVED, Heard.END): frozenset({State.SAVED}),
     (State.SAVED, Heard.REQUEST): _AFTER_REQUEST,
     (State.HOLD, Heard.REQUEST): frozenset({State.HOLD}),
     **{(state, Heard.XOFF): frozenset({state}) for state in SENDING},

@@ -39,6 +39,7 @@ __all__ = [
     "TapeEnd",
     "WhenMissing",
     "classify",
+    "data_bits",
     "number_or_dumb",
     "on_the_wire",
 ]
@@ -104,6 +105,15 @@ def on_the_wire(characters: bytes, parity: Parity) -> bytes:
     if parity is Parity.LINE:
         return characters
     return bytes(map(with_even_parity, characters))
+
+
+def data_bits(params: Params, stopbits: int) -> int:
+    """Seven, and the UART makes the parity; or eight without parity, of which the eighth is the parity made here."""
+    if params.parity is Parity.LINE:
+        return 7
+    if stopbits == 1:
+        raise UsageError("parity=software needs a line without parity of its own: that is 8N2, --stopbits 2")
+    return 8
 
 
 class Parity(StrEnum):
@@ -229,7 +239,7 @@ class Params(CodeTable):
     )
     end_wait: float = setting(
         1.0,
-        "After the final EOT the host listens so long for a cancel before it says complete.",
+        "After the end of a program, in either direction, the host listens so long for a cancel before it is complete.",
         end=End.HOST,
         unit="s",
         limits=(0.05, 3600.0),

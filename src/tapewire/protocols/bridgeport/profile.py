@@ -78,6 +78,11 @@ class Profile:
                 raise UsageError(f"[settings] {key}: this is a code and belongs into [codes]")
         return cls(title=title, settings={**codes, **settings}, confidence=_confidence(tables))
 
+    def settings_for(self, end: End) -> dict[str, str]:
+        """What of it concerns `end`."""
+        whose = {key: whose for key, _, _, whose, _ in describe_settings(Params)}
+        return {key: word for key, word in self.settings.items() if whose[key] in (End.BOTH, end)}
+
     def dumps(self) -> str:
         """The TOML file, with the meaning of every code beside it."""
         described = {key: (values, default) for key, values, default, _, _ in describe_settings(Params)}

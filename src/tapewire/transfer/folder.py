@@ -1,0 +1,71 @@
+"""A folder of programs by number, for controls that ask for a program by its number and save under one.
+
+The number of a file is its name without its extension: one to six digits, after an O or a P if there is one, and
+leading zeros do not count. `1234.nc`, `O1234` and `P01234.txt` are all program 1234. Other files are not programs.
+Numbers are looked up among the names that are there; what a control sent never becomes part of a path but as digits.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+from pathlib import Path
+from typing import Final
+
+from tapewire.errors import UsageError
+
+__all__ = ["ProgramFolder"]
+
+_NUMBERED: Final = re.compile(r"[OoPp]?([0-9]{1,6})")
+
+SUFFIX: Final = ".nc"
+
+
+class ProgramFolder:
+    """The programs in `path`. Raises UsageError when it cannot be read, or when two files have one number."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._files()
+
+    def find(self, number: str) -> Path | None:
+        """The file of program `number` as the folder is now; None where there is none. Raises UsageError."""
+        assert _is_number(number), number
+        return self._files().get(int(number))
+
+    def place_for(self, number: str | None, *, force: bool) -> Path:
+        """Where a program that the control sends as `number` is stored: nothing that is there, unless `force`.
+
+        Beside a program of the same number stands `1234.received-1.nc`, which is no program by number itself.
+        """
+        if number is None:
+            return self._first_free("unnamed")
+        taken = self.find(number)
+        if taken is None:
+            return self.path / f"{number}{SUFFIX}"
+        return taken if force else self._first_free(f"{number}.received")
+
+    def _first_free(self, stem: str) -> Path:
+        candidates = (self.path / f"{stem}-{count}{SUFFIX}" for count in itertools.count(1))
+        return next(path for path in candidates if not os.path.lexists(path))
+
+    def _files(self) -> dict[int, Path]:
+        found: dict[int, Path] = {}
+        try:
+            paths = sorted(entry for entry in self.path.iterdir() if entry.is_file())
+        except OSError as error:
+            raise UsageError(f"{self.path}: cannot be read as a folder of programs ({error.strerror})") from None
+        for path in paths:
+            named = _NUMBERED.fullmatch(path.stem)
+            if named is None or path.name.startswith("."):
+                continue
+            number = int(named[1])
+            if number in found:
+                raise UsageError(f"{found[number].name} and {path.name} in {self.path} are both program {number}")
+            found[number] = path
+        return found
+
+
+def _is_number(number: str) -> bool:
+    return number.isascii() and number.isdigit() and len(number) <= 6
