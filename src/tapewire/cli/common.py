@@ -108,6 +108,9 @@ def run_job(
     try:
         result, interrupted = asyncio.run(_run(output, job))
         output.show(result)
+        for number in ENDING_SIGNALS:
+            # There is nothing left to end; Python's own exit would give them back their deadly meaning.
+            signal.signal(number, signal.SIG_IGN)
     finally:
         output.close()
     if result.outcome is Outcome.COMPLETE:
