@@ -140,7 +140,7 @@ def test_3_1_a_program_the_control_sends_is_paused_by_xoff_and_xon() -> None:
     assert rig.end is None, "silence that we asked for is no failure"
     rig.host.release(rig.now)
     assert rig.take() == DC1
-    rig.hear(EOT + DC4)
+    rig.hear(EOT + DC4).wait(2 * SECOND)
     assert sink.getvalue() == P
 
 
