@@ -11,21 +11,38 @@ from __future__ import annotations
 import ast
 import inspect
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from enum import Enum
 from functools import partial
 from pathlib import Path
 from types import ModuleType
-from typing import Final
+from typing import Any, Final
 
 import click
 
 from tapewire import engine
 from tapewire.cli import main as command_line
+from tapewire.codes import name_of
 from tapewire.engine import MILLISECOND, SECOND
 from tapewire.line.pacing import WINDOW_BAUD_PER_CHARACTER, default_window
-from tapewire.protocols import PROTOCOLS, delivery
+from tapewire.protocols import PROTOCOLS, bridgeport, delivery
+from tapewire.protocols.bridgeport import cnc as bridgeport_cnc
+from tapewire.protocols.bridgeport import cnc_law as bridgeport_cnc_law
+from tapewire.protocols.bridgeport import host as bridgeport_host
+from tapewire.protocols.bridgeport import (
+    host_job,
+    host_reception,
+    host_text,
+    host_transmission,
+    profile,
+    records,
+)
+from tapewire.protocols.bridgeport import host_law as bridgeport_host_law
+from tapewire.protocols.bridgeport import messages as bridgeport_messages
+from tapewire.protocols.bridgeport.code_table import ROLES, hex_of
+from tapewire.protocols.bridgeport.profile import CODE_KEYS, LINK_CONFIDENCE, RECONSTRUCTION
+from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, DncEnd, lrc_of
 from tapewire.protocols.fanuc_b import cnc, cnc_law, host, host_delivery, host_law, messages
 from tapewire.protocols.fanuc_b.messages import EXPANSION_B, PROTOCOL_B, CodeSystem, ControlCode, Params, encode
 from tapewire.protocols.settings import describe_settings
@@ -38,6 +55,7 @@ HELP_WIDTH: Final = 80
 _MARKED: Final = re.compile(
     r"(?P<begin><!-- begin generated: (?P<name>[^\n]+?) -->\n).*?(?P<end><!-- end generated: (?P=name) -->)", re.S
 )
+_HEX: Final = re.compile(r"[0-9A-F]{2}")
 
 
 def main() -> None:
@@ -189,11 +207,8 @@ def _limits() -> str:
     return _table(("name", "meaning, in characters", "protocol B", "expansion B"), rows)
 
 
-def _settings() -> str:
-    rows = [
-        (f"`{key}`", values, f"`{default}`", whose, why)
-        for key, values, default, whose, why in describe_settings(Params)
-    ]
+def _settings(settings: Iterable[tuple[str, str, str, str, str]]) -> str:
+    rows = [(f"`{key}`", values, f"`{default}`", whose, why) for key, values, default, whose, why in settings]
     return _table(("key", "values", "default", "end", "meaning"), rows)
 
 
@@ -222,17 +237,20 @@ def _host_law() -> str:
 
 
 def _cnc_law() -> str:
-    causes = [*cnc_law.Act, *ControlCode]
+    return _law(cnc_law.LAW, cnc_law.State, (*cnc_law.Act, *ControlCode))
+
+
+def _law(law: Mapping[Any, AbstractSet[Enum]], states: type[Enum], causes: Sequence[Enum]) -> str:
     rows = [
-        (f"`{state.name}`", _cause(cause), _names(cnc_law.LAW[state, cause], cnc_law.State))
-        for state in cnc_law.State
+        (f"`{state.name}`", _cause(cause), _names(law[state, cause], states))
+        for state in states
         for cause in causes
-        if (state, cause) in cnc_law.LAW
+        if (state, cause) in law
     ]
     return _table(("state", "what happens", "then"), rows)
 
 
-def _cause(cause: cnc_law.Cause) -> str:
+def _cause(cause: Enum) -> str:
     return cause.name if isinstance(cause, ControlCode) else f"`{cause.name}` {cause.value}"
 
 
@@ -255,8 +273,83 @@ def _quantity(module: ModuleType, name: str) -> str:
     return f"{value / SECOND:g} s" if value >= SECOND else f"{value / MILLISECOND:g} ms"
 
 
+# REMOTE LOAD and DNC LINK
+
+
+def _roles() -> str:
+    """The code table, and how sure of each row anybody can be."""
+    header = ("code", "character", "from", "meaning", "sure", "else perhaps")
+    rows = [
+        (f"`{key}`", _named(RECONSTRUCTION.settings[key]), role.says, role.meaning, _percent(role.confidence), other)
+        for key, role in ROLES.items()
+        for other in [_named(role.instead)]
+    ]
+    return _table(header, rows)
+
+
+def _named(characters: str) -> str:
+    """`04 14` as `EOT 04h, DC4 14h`; words stay."""
+    words = characters.replace(",", " ").split()
+    return ", ".join(f"{name_of(int(word, 16)).split()[0]} {word}h" if _HEX.fullmatch(word) else word for word in words)
+
+
+def _percent(confidence: int | None) -> str:
+    return "our choice" if confidence is None else f"{confidence} %"
+
+
+def _uncertain_settings() -> str:
+    described = {key: (values, default) for key, values, default, *_ in describe_settings(bridgeport.Params)}
+    rows = [
+        (f"`{key}`", f"`{described[key][1]}`", _percent(confidence), described[key][0])
+        for key, confidence in LINK_CONFIDENCE.items()
+    ]
+    return _table(("setting", "taken for true", "sure", "what it may be"), rows)
+
+
+def _bridgeport_settings() -> str:
+    return _settings(row for row in describe_settings(bridgeport.Params) if row[0] not in CODE_KEYS)
+
+
+def _lrc_candidates() -> str:
+    """The check character of three records by every candidate."""
+    etb = bridgeport.Params().rec_end
+    texts = (b"N10G1X1F5\r\n", b"N20Y1\r\n", b"N30M2\r\n")
+    header = ("`lrc`", *(f"`{text.decode().strip()}` CR LF" for text in texts))
+    return _table(
+        header, [(f"`{lrc}`", *(f"{hex_of([lrc_of(text, etb, lrc)])}h" for text in texts)) for lrc in LRC_CANDIDATES]
+    )
+
+
+def _dnc_ends() -> str:
+    said = _members_said(DncEnd)
+    return _table(("`dnc_end`", "meaning"), [(f"`{end}`", said[end.name]) for end in DncEnd])
+
+
+def _bridgeport_host_law() -> str:
+    law, states, heard = bridgeport_host_law.LAW, bridgeport_host_law.State, bridgeport_host_law.Heard
+    rows = [
+        [f"`{state.name}`"] + [_names(law.get((state, what), frozenset()), states) or "-" for what in heard]
+        for state in states
+    ]
+    return _table(("state", *(f"`{what.name}`" for what in heard)), rows)
+
+
+def _bridgeport_cnc_law() -> str:
+    causes = (*bridgeport_cnc_law.Act, *bridgeport_cnc_law.Word)
+    return _law(bridgeport_cnc_law.LAW, bridgeport_cnc_law.State, causes)
+
+
+def _profile() -> str:
+    return _block((Path(profile.__file__).parent / "reconstruction.toml").read_text(), "toml")
+
+
 def _dialogue(path: Path) -> str:
     return f"```\n{path.read_text()}```"
+
+
+def _dialogues(protocol: str, name: str) -> dict[str, Callable[[], str]]:
+    paths = sorted((TRANSCRIPTS / protocol).glob("*.txt"))
+    return {f"{name} {path.stem}": partial(_dialogue, path) for path in paths}
 
 
 PARTS: Final[dict[str, Callable[[], str]]] = {
@@ -267,13 +360,35 @@ PARTS: Final[dict[str, Callable[[], str]]] = {
     "protocols": _protocols,
     "fanuc_b control codes": _control_codes,
     "fanuc_b limits": _limits,
-    "fanuc_b settings": _settings,
+    "fanuc_b settings": lambda: _settings(describe_settings(Params)),
     "fanuc_b host states": partial(_states, host_law.State),
     "fanuc_b host law": _host_law,
     "fanuc_b control states": partial(_states, cnc_law.State),
     "fanuc_b control law": _cnc_law,
     "fanuc_b constants": partial(_constants, host, host_delivery, delivery, cnc),
-    **{f"dialogue {path.stem}": partial(_dialogue, path) for path in sorted((TRANSCRIPTS / "fanuc_b").glob("*.txt"))},
+    "bridgeport codes": _roles,
+    "bridgeport uncertain settings": _uncertain_settings,
+    "bridgeport settings": _bridgeport_settings,
+    "bridgeport lrc candidates": _lrc_candidates,
+    "bridgeport endings": _dnc_ends,
+    "bridgeport host states": partial(_states, bridgeport_host_law.State),
+    "bridgeport host law": _bridgeport_host_law,
+    "bridgeport control states": partial(_states, bridgeport_cnc_law.State),
+    "bridgeport control law": _bridgeport_cnc_law,
+    "bridgeport constants": partial(
+        _constants,
+        bridgeport_messages,
+        records,
+        bridgeport_host,
+        host_job,
+        host_text,
+        host_reception,
+        host_transmission,
+        bridgeport_cnc,
+    ),
+    "bridgeport profile": _profile,
+    **_dialogues("fanuc_b", "dialogue"),
+    **_dialogues("bridgeport", "bridgeport dialogue"),
 }
 
 

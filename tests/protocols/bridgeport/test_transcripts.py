@@ -26,3 +26,9 @@ def test_golden(name: str) -> None:
 
 def test_no_transcript_without_its_dialogue() -> None:
     assert {path.stem for path in TRANSCRIPTS.glob("*.txt")} == set(DIALOGUES)
+
+
+@pytest.mark.parametrize("name", DIALOGUES)
+def test_the_manual_shows_every_dialogue(name: str) -> None:
+    page = (Path(__file__).parents[3] / "docs" / "protocols" / "bridgeport.md").read_text()
+    assert f"```\n{(TRANSCRIPTS / f'{name}.txt').read_text()}```" in page
