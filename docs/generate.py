@@ -112,10 +112,11 @@ def _members_said(words: type[Enum]) -> dict[str, str]:
 
 def _help(name: str) -> str:
     context = _context(command_line, "tapewire")
-    if name:
-        command = command_line.get_command(context, name)
+    for word in name.split():
+        assert isinstance(context.command, click.Group)
+        command = context.command.get_command(context, word)
         assert command is not None
-        context = _context(command, name, context)
+        context = _context(command, word, context)
     return _block(context.command.get_help(context), "text")
 
 
@@ -125,7 +126,15 @@ def _context(command: click.Command, name: str, parent: click.Context | None = N
 
 
 def command_names() -> list[str]:
-    return command_line.list_commands(_context(command_line, "tapewire"))
+    """Every command as it is typed behind `tapewire`, those of a group behind the group's name."""
+    context = _context(command_line, "tapewire")
+    names: list[str] = []
+    for name in command_line.list_commands(context):
+        command = command_line.get_command(context, name)
+        names.append(name)
+        if isinstance(command, click.Group):
+            names += [f"{name} {under}" for under in command.list_commands(_context(command, name, context))]
+    return names
 
 
 # the lines

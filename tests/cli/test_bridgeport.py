@@ -8,6 +8,7 @@ from typing import Final
 
 import pytest
 
+from tapewire.protocols.bridgeport.profile import Profile
 from tests.cli.helpers import FAST, Finished, Shop, invoke
 from tests.cli.test_transfer import LINES, Line, finish, start
 
@@ -159,6 +160,52 @@ def test_a_file_that_would_forge_codes_is_refused(shop: Shop) -> None:
         finished = invoke("send", shop.file("in.nc", b"N1\nN2\x04\n"), "--protocol", "bridgeport", *NOWHERE, *flag)
         assert finished.outcome == (2, "failed")
         assert "line 2, column 3: EOT (04h)" in finished.end["reason"]
+
+
+def test_learn_stores_what_it_has_seen_when_the_line_goes_away(shop: Shop) -> None:
+    profile = shop.folder / "mill-3.toml"
+    learning = shop.start(
+        "bridgeport", "learn", profile, "--line", "listen://127.0.0.1:0", "--control", "mill 3", "--json"
+    )
+    line = f"socket://127.0.0.1:{learning.port}"
+    taken = shop.run("cnc", "--line", line, *BRIDGEPORT[:2], "--program", "-1", "--operation", "read", "--json")
+    learned = learning.finish()
+    assert taken.outcome == (0, "complete")
+    assert learned.outcome == (1, "failed")
+    assert "step 1 of 5: at the control, ask for program -1" in learned.stderr
+    seen = Profile.loads(profile.read_text())
+    assert seen.title == "Seen at mill 3"
+    assert seen.confidence["read_request"] == 100
+    assert seen.confidence["open_write"] == 80
+    assert learned.end["sha256"] == hashlib.sha256(profile.read_bytes()).hexdigest()
+    assert learned.end["bytes"] == len(profile.read_bytes())
+
+
+def test_learn_stores_nothing_where_nothing_was_seen(shop: Shop) -> None:
+    profile = shop.folder / "mill-3.toml"
+    learned = shop.run("bridgeport", "learn", profile, "--line", "listen://127.0.0.1:0", "--timeout", "0.5", "--json")
+    assert learned.outcome == (1, "failed")
+    assert not profile.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["in-there.toml"], "--force"),
+        (["gone/profile.toml"], "there is no folder gone"),
+        (["new.toml", "--control", "mill\n3"], "one line"),
+        (["new.toml", "--set", "lrc=crc"], "lrc"),
+    ],
+)
+def test_learn_refuses_before_the_line_is_opened(
+    shop: Shop, monkeypatch: pytest.MonkeyPatch, words: list[str], told: str
+) -> None:
+    monkeypatch.chdir(shop.folder)
+    shop.file("in-there.toml", b"")
+    finished = invoke("bridgeport", "learn", *words, *NOWHERE)
+    assert finished.outcome == (2, "failed")
+    assert told in finished.end["reason"]
+    assert shop.files == set()
 
 
 def test_two_files_of_one_number_are_refused(shop: Shop) -> None:

@@ -21,6 +21,7 @@ _COMMANDS: Final = {
     "send": "tapewire.cli.send",
     "receive": "tapewire.cli.receive",
     "cnc": "tapewire.cli.cnc",
+    "bridgeport": "tapewire.cli.bridgeport",
 }
 
 REFUSED: Final = 2

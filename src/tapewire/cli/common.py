@@ -6,7 +6,7 @@ import asyncio
 import math
 import signal
 import sys
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -27,6 +27,7 @@ __all__ = [
     "NOT_COMPLETE",
     "Number",
     "line_options",
+    "line_options_of_one_protocol",
     "parse_words",
     "run_job",
     "settings_of",
@@ -54,14 +55,16 @@ class Number(click.FloatRange):
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-_OPTIONS: Final = (
+_LINE: Final = (
     click.option(
         "--line",
         required=True,
         metavar="LINE",
         help="A tty path, socket://HOST:PORT, listen://HOST:PORT, or pty:PATH.",
     ),
-    click.option("--protocol", required=True, metavar="NAME", help=f"One of {', '.join(PROTOCOLS)}."),
+)
+_PROTOCOL: Final = click.option("--protocol", required=True, metavar="NAME", help=f"One of {', '.join(PROTOCOLS)}.")
+_REST: Final = (
     click.option("--baud", type=click.IntRange(50, 4_000_000), help="Bits a second; each protocol has its default."),
     click.option(
         "--stopbits",
@@ -89,7 +92,16 @@ _OPTIONS: Final = (
 
 def line_options(command: Command) -> Command:
     """The options of every command that works a line."""
-    for option in reversed(_OPTIONS):
+    return _with(command, (*_LINE, _PROTOCOL, *_REST))
+
+
+def line_options_of_one_protocol(command: Command) -> Command:
+    """The same for a command that goes with one protocol alone."""
+    return _with(command, (*_LINE, *_REST))
+
+
+def _with(command: Command, options: Sequence[Callable[[Command], Command]]) -> Command:
+    for option in reversed(options):
         command = option(command)
     return command
 
