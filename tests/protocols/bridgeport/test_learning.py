@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from io import BytesIO
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tapewire.engine import SECOND, Ended, Event, LineFault, Nanos, Notice, Outcome, Violation
+from tapewire.errors import UsageError
 from tapewire.line.link import Link
 from tapewire.line.simulated import EndSettings, simulated_cable
 from tapewire.protocols.bridgeport.cnc import BridgeportCnc
@@ -121,7 +125,7 @@ def test_the_program_it_sends_tells_the_candidates_apart() -> None:
 
 
 @pytest.mark.parametrize(
-    ("settings", "seen"),
+    ("words", "seen"),
     [
         ({"name_trailer": "04"}, {"name_end": "04"}),
         ({"name_trailer": "0D 0A 04 14"}, {"name_end": "04 14"}),
@@ -135,8 +139,8 @@ def test_the_program_it_sends_tells_the_candidates_apart() -> None:
         ({"read_request": "0E"}, {"read_request": "0E"}),
     ],
 )
-def test_a_control_that_differs_is_seen_as_it_is(settings: dict[str, str], seen: dict[str, str]) -> None:
-    found = learned(STEPS, **settings)
+def test_a_control_that_differs_is_seen_as_it_is(words: dict[str, str], seen: dict[str, str]) -> None:
+    found = learned(STEPS, **words)
     assert {key: found[key] for key in seen} == seen
 
 
@@ -165,6 +169,28 @@ def test_damage_is_told_and_learned_from_by_nobody() -> None:
     events = iter(learner.next_event, None)
     assert any(isinstance(event, Violation) and "parity" in event.what for event in events)
     assert learner.next_deadline() == STEP_LIMIT
+
+
+@given(st.lists(st.binary(max_size=12) | st.sampled_from([b"\x12", b"1;L\x14\x11", b"\x13", b"\x06"]), max_size=30))
+@settings(max_examples=100, deadline=None)
+def test_whatever_is_said_the_session_ends_and_its_profile_is_one_or_refused(said: list[bytes]) -> None:
+    learner = Learner(Params())
+    learner.begin(0)
+    now = 0
+    for piece in said:
+        learner.receive_data(piece, now)
+        if data := learner.data_to_send(100):
+            learner.data_sent(len(data), now)
+        now = max(now, learner.next_deadline() or now)
+        learner.handle_timer(now)
+    while (deadline := learner.next_deadline()) is not None:
+        now = max(now, deadline)
+        learner.handle_timer(now)
+    ends = [event for event in iter(learner.next_event, None) if isinstance(event, Ended)]
+    assert len(ends) == 1
+    assert (ends[0].outcome is Outcome.COMPLETE) is bool(learner.seen)
+    with suppress(UsageError):
+        assert Profile.loads(learner.profile("x").dumps()).settings.items() >= learner.seen.items()
 
 
 def test_given_up_it_says_nothing_more_and_keeps_what_it_has_seen() -> None:

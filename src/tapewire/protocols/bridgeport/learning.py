@@ -101,7 +101,8 @@ class Learner:
     """The host's end of a guided session. An Engine.
 
     `seen` holds what the control has shown, as words for `--set`; `profile(title)` is that, with 100 beside it, over
-    `params`. Ends complete when every step has been gone through and something was seen.
+    the reconstruction. `params` is what is spoken until something else has been seen. Ends complete when every step
+    has been gone through and something was seen.
     """
 
     def __init__(self, params: Params) -> None:
