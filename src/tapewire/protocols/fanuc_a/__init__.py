@@ -1,0 +1,8 @@
+"""Protocol A and expansion protocol A of the FANUC remote buffer (B-63322EN-1 chapters 4 and 5)."""
+
+from __future__ import annotations
+
+from tapewire.protocols.fanuc_a.params import Params
+from tapewire.protocols.fanuc_a.words import Words
+
+__all__ = ["Params", "Words"]
