@@ -15,7 +15,7 @@ from tapewire.errors import UsageError
 from tapewire.protocols import PROTOCOLS
 from tapewire.transfer.reports import Result
 
-__all__ = ["COMPLETE", "line_options", "parse_words", "run_job"]
+__all__ = ["COMPLETE", "INTERRUPTED", "NOT_COMPLETE", "line_options", "parse_words", "run_job", "stop_on_signals"]
 
 COMPLETE: Final = 0
 NOT_COMPLETE: Final = 1
@@ -88,8 +88,13 @@ def run_job(
 
 async def _run(output: Output, job: Callable[[Output, asyncio.Event], Awaitable[Result]]) -> tuple[Result, bool]:
     stop = asyncio.Event()
+    stop_on_signals(stop)
+    result = await job(output, stop)
+    return result, stop.is_set()
+
+
+def stop_on_signals(stop: asyncio.Event) -> None:
+    """Ctrl-C and SIGTERM set `stop` from now on. Called inside a running loop."""
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
-    result = await job(output, stop)
-    return result, stop.is_set()

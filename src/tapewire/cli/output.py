@@ -20,7 +20,7 @@ from typing import Any, Final, Protocol, TypeAlias
 from tapewire.engine import AfterStop, Alarm, Event, Nanos, Notice, Outcome, Received, Started, Violation
 from tapewire.transfer.reports import Progress, Ready, Report, Result, StopDistanceTold
 
-__all__ = ["JsonLines", "Output", "PeopleLines", "Presenter", "Said", "json_end", "summary"]
+__all__ = ["JsonLines", "Output", "PeopleLines", "Presenter", "json_end", "summary"]
 
 WAITING_REPORTS: Final = 2000
 """More than this many unwritten reports: nobody reads, and further ones are dropped."""
@@ -32,14 +32,7 @@ CLOSE_LIMIT_S: Final = 2.0
 """A stopped terminal does not keep the command from ending."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Said:
-    """A line of text for people only."""
-
-    text: str
-
-
-Shown: TypeAlias = Report | Said | Result
+Shown: TypeAlias = Report | Result
 
 
 class Presenter(Protocol):
@@ -105,7 +98,7 @@ class JsonLines:
 
     def show(self, shown: Shown) -> None:
         match shown:
-            case Said() | Received():
+            case Received():
                 return
             case Result():
                 line = _json_line("end", dataclasses.asdict(shown))
@@ -161,10 +154,10 @@ class PeopleLines:
             self._say(f"{progress.bytes:,}{total} bytes, {progress.share:.0%} of the line{held}")
 
 
-def _text(shown: Said | Ready | StopDistanceTold | Event) -> str:
+def _text(shown: Ready | StopDistanceTold | Event) -> str:
     """A report in one line; empty for what the bar shows or nobody needs to read."""
     match shown:
-        case Said(text=text) | Notice(text=text):
+        case Notice(text=text):
             return text
         case Ready(line=line):
             return f"ready: {line}"

@@ -7,7 +7,7 @@ import asyncio
 import click
 
 from tapewire.cli.common import line_options, parse_words, run_job
-from tapewire.cli.output import Output, Said
+from tapewire.cli.output import Output
 from tapewire.protocols.settings import End
 from tapewire.transfer.program import Program
 from tapewire.transfer.reports import Result
@@ -40,8 +40,6 @@ def send(
     program = Program.from_file(file, job.protocol.data_code(job.params), raw=raw)
 
     async def transfer(output: Output, stop: asyncio.Event) -> Result:
-        for text in (*program.changes, *program.notes):
-            output.show(Said(text=f"{program.name}: {text}"))
         return await send_program(program, job.observed_by(output.observe, stop))
 
     return run_job(program.name, as_json, transfer)

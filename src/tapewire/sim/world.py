@@ -31,7 +31,8 @@ MAX_STEPS_AT_ONCE: Final = 1000
 class Pair:
     """One machine: a host, a cable and a control with its operator.
 
-    `host_events` and `cnc_events` collect (moment, event); `program` is what the control has taken.
+    `host_events` and `cnc_events` collect (moment, event); `program` is what the control has taken, `received` a
+    place for what the host receives.
     """
 
     entry: ProtocolEntry
@@ -42,6 +43,7 @@ class Pair:
     cnc_link: Link
     program: BytesIO
     transcript: Transcript
+    received: BytesIO = field(default_factory=BytesIO)
     host_events: list[tuple[Nanos, Event]] = field(default_factory=list)
     cnc_events: list[tuple[Nanos, Event]] = field(default_factory=list)
 
@@ -162,7 +164,7 @@ class World:
                 return
         raise AssertionError(f"no end of steps at {self.now} ns:\n{pair.transcript}")
 
-    def run_until(self, done: Callable[[], bool], *, limit: Nanos = 24 * 3600 * SECOND) -> None:
+    def run_until(self, done: Callable[[], object], *, limit: Nanos = 24 * 3600 * SECOND) -> None:
         """Run until `done()`. Raises AssertionError when the world falls quiet or `limit` ns pass before that."""
         end = self.now + limit
         while not done():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import os
 import queue
@@ -53,7 +54,8 @@ async def receive_program(path: Path, job: JobSettings, *, raw: bool = False, fo
     )
 
     def begin(transport: Transport, now: Nanos) -> None:
-        store.on_progress = session.driver.wake_from_thread
+        loop = asyncio.get_running_loop()
+        store.on_progress = lambda: loop.call_soon_threadsafe(session.driver.wake)
         host.receive(store, now)
 
     try:
@@ -107,7 +109,7 @@ class _Store:
         self.part = path.with_name(path.name + ".part")
         self.error: OSError | None = None
         self.damage: tuple[Damage, ...] = ()
-        self.on_progress: Callable[[], None] = lambda: None
+        self.on_progress: Callable[[], object] = lambda: None
         self._force = force
         try:
             self._file = open(self.part, "wb")  # noqa: SIM115 - closed by finish

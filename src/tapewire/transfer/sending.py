@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tapewire.engine import Ended, Nanos, Outcome
+from tapewire.engine import Ended, Nanos, Notice, Outcome
 from tapewire.line.transport import Transport
 from tapewire.transfer.program import Program
 from tapewire.transfer.reports import Result, StopDistanceTold
@@ -12,7 +12,10 @@ __all__ = ["send_program"]
 
 
 async def send_program(program: Program, job: JobSettings) -> Result:
-    """Arm `program` and give it to the control when it asks. Raises LineError when the line cannot be opened."""
+    """Arm `program` and give it to the control when it asks. Raises LineError when the line cannot be opened.
+
+    The stop distance and every change made to the file are told before the first byte leaves.
+    """
     host = job.protocol.host(job.params)
     session = Session(
         job,
@@ -32,6 +35,8 @@ async def send_program(program: Program, job: JobSettings) -> Result:
             how=distance.how,
         )
         job.observer(told, now)
+        for text in (*program.changes, *program.notes):
+            job.observer(Notice(text=f"{program.name}: {text}"), now)
         program.rewind()
         host.start(program, now)
 

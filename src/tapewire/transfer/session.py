@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
@@ -53,7 +53,7 @@ def settings_for(
     *,
     baud: int | None = None,
     stopbits: int = 1,
-    settings: dict[str, str] | None = None,
+    settings: Mapping[str, str],
     timeout_s: float | None = None,
 ) -> JobSettings:
     """A job's settings from words as users type them. Raises UsageError."""
@@ -61,7 +61,7 @@ def settings_for(
     return JobSettings(
         line=parse_line(line),
         protocol=entry,
-        params=entry.params(settings or {}, end),
+        params=entry.params(settings, end),
         baud=baud or entry.baud,
         stopbits=stopbits,
         timeout_s=timeout_s,

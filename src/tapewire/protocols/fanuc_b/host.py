@@ -41,6 +41,7 @@ from tapewire.engine import (
     Violation,
 )
 from tapewire.errors import UsageError
+from tapewire.protocols.fanuc_b.host_delivery import Delivery
 from tapewire.protocols.fanuc_b.host_law import LAW, State, Timer
 from tapewire.protocols.fanuc_b.host_reception import Reception
 from tapewire.protocols.fanuc_b.messages import ControlCode, ErLine, Params, PauseBy, SynAtEnd, code_of, encode
@@ -57,9 +58,6 @@ SOURCE_POLL: Final[Nanos] = 10 * MILLISECOND
 LEAVING: Final[Nanos] = SECOND
 """After a job has ended, what was on its way gets so long to leave before it counts as undecided."""
 
-LEVEL_DELAY: Final[Nanos] = SECOND
-"""A DC3 that stops us is drawn by a character that comes in: so long after the last one it can only be the end."""
-
 DAMAGED_WAIT: Final[Nanos] = 60 * SECOND
 """A damaged character may have been the DC1 we wait for: after so long without another, the job has failed."""
 
@@ -67,14 +65,14 @@ DAMAGED_WAIT: Final[Nanos] = 60 * SECOND
 _FEED: Final = b"\x00\x7f"
 """Blank and rubbed-out tape, which says nothing."""
 
-_TRANSFERRING: Final = frozenset({State.SENDING, State.HELD, State.RECEIVING, State.AFTER_DC4})
+_TRANSFERRING: Final = frozenset({State.SENDING, State.HELD, State.RECEIVING})
 
 
 class FanucBHost:
     """A host computer on protocol B (or expansion B: the params say which). A HostEngine.
 
-    `Ended.bytes_low` are the program bytes that have left the line, `bytes_high` those handed over to it: protocol B
-    has no acknowledgement, so nothing better is known.
+    When a job does not end complete, `Ended.bytes_low` are the program bytes that had left before the control can have
+    said what ended it, and `bytes_high` all that were handed over: protocol B has no acknowledgement.
     """
 
     def __init__(self, params: Params) -> None:
@@ -86,18 +84,15 @@ class FanucBHost:
         self._er = False
         self._sees_er = False
         self._recall = False
-        self._in_flight = 0
-        self._left_at: Nanos = 0
+        self._delivery = Delivery(params.limits)
         self._source: Source | None = None
         self._ahead = b""
         self._exhausted = False
-        self._sent = 0
-        self._sent_at_dc1 = 0
-        self._resumed = False
         self._reception: Reception | None = None
         self._pause_wanted = False
         self._pause_told = False
         self._ending: tuple[Outcome, str] | None = None
+        self._certain: int | None = None
 
     # the application's side
 
@@ -107,8 +102,6 @@ class FanucBHost:
         self._source = source
         self._ahead = b""
         self._exhausted = False
-        self._sent = 0
-        self._resumed = False
 
     def receive(self, sink: Sink, now: Nanos) -> None:
         """Arm a reception; it starts with the next DC2. Raises UsageError while a job is under way."""
@@ -120,6 +113,7 @@ class FanucBHost:
         """Fall silent and call back what has not left. No EOR is sent, so the program cannot look whole (8.2)."""
         if self._state not in (State.IDLE, State.LEAVING):
             self._end(Outcome.CANCELLED, "given up here; RESET the control before anything else is sent to it", now)
+            self._certain = None
 
     def hold_reception(self, now: Nanos) -> None:
         """Pause the punch-out (6.1.1 2) (3)). The control may still send its overrun."""
@@ -135,7 +129,7 @@ class FanucBHost:
 
     @property
     def progress(self) -> int:
-        return self._reception.stored if self._reception is not None else self._sent
+        return self._reception.stored if self._reception is not None else self._delivery.sent
 
     @property
     def needs_stop_distance(self) -> int:
@@ -186,6 +180,8 @@ class FanucBHost:
         self._sees_er = self._sees_er or signals.dsr
         if fell and self._state in (State.DELIVERED, State.CLOSING):
             self._end(Outcome.COMPLETE, "the control has read the whole program and turned ER OFF", now)
+        elif fell and self._state is State.AFTER_DC4:
+            self._finish_reception(now)
         elif fell and self._state in _TRANSFERRING:
             self._end(Outcome.FAILED, "the control's ER fell: it was reset, has an alarm, or lost power", now)
 
@@ -212,26 +208,22 @@ class FanucBHost:
         return b""
 
     def data_sent(self, count: int, now: Nanos) -> None:
-        self._in_flight += count
+        self._delivery.hand_over(count)
         if self._state is State.RECEIVING:
             self._pause_told = self._pause_wanted
             return
         self._ahead = self._ahead[count:]
-        self._sent += count
         self._fill(now)
 
     def data_left(self, count: int, now: Nanos) -> None:
-        self._in_flight -= count
-        if not self._in_flight:
-            self._left_at = now
-            if self._state is State.LEAVING:
-                self._finish()
+        self._delivery.leave(count, now)
+        if self._state is State.LEAVING and not self._delivery.in_flight:
+            self._finish()
 
     def data_discarded(self, count: int, now: Nanos) -> None:
         self._recall = False
-        self._in_flight -= count
-        self._sent -= count if self._source is not None else 0
-        if self._state is State.LEAVING and not self._in_flight:
+        self._delivery.call_back(count)
+        if self._state is State.LEAVING and not self._delivery.in_flight:
             self._finish()
 
     @property
@@ -306,12 +298,11 @@ class FanucBHost:
                 if self._blind:
                     self._events.put(Notice(text=_RISK))
                 self._events.put(Started(why="DC1: from the first byte of the program"))
-                self._sent_at_dc1 = 0
+                self._delivery.start()
                 self._state = State.SENDING
                 self._fill(now)
             case State.HELD:
-                self._sent_at_dc1 = self._sent
-                self._resumed = True
+                self._delivery.start()
                 self._state = State.SENDING
                 self._events.put(Resumed(why="DC1"))
                 self._fill(now)
@@ -330,17 +321,17 @@ class FanucBHost:
                 self._end(Outcome.FAILED, f"a second DC3 with no DC1 between: {_LOOKS_LIKE_RESET}", now)
             case State.HELD:
                 self._events.put(Notice(text="a second DC3 with no DC1 between"))
-            case _ if self._blind and not self._may_be_stop():
+            case _ if self._blind and not self._delivery.may_have_filled_the_buffer:
                 self._end(Outcome.FAILED, f"DC3 before the buffer can have filled: {_LOOKS_LIKE_RESET}", now)
             case _:
                 self._state = State.HELD
-                early = "" if self._may_be_stop() else ", before the buffer can have filled"
+                early = "" if self._delivery.may_have_filled_the_buffer else ", before the buffer can have filled"
                 self._events.put(Held(why=f"DC3{early}"))
 
     def _on_closing_dc3(self, now: Nanos) -> None:
         """The end of the read, unless it can be a stop, or SYN or NAK follows it (6.1.1 1) (7), 6.1.2 (7))."""
-        silent = not self._in_flight and now - self._left_at > LEVEL_DELAY
-        if self._state is State.DELIVERED and self._may_be_stop() and not silent:
+        may_be_stop = self._delivery.may_have_filled_the_buffer and not self._delivery.long_silent(now)
+        if self._state is State.DELIVERED and may_be_stop:
             wait = self._params.closing_time
         elif self._params.posting is Switch.ON:
             wait = self._params.notice_time
@@ -355,11 +346,6 @@ class FanucBHost:
         """Nothing on this line tells a reset from a stop (6.1.1, 6.4)."""
         return self._params.posting is Switch.OFF and not self._sees_er
 
-    def _may_be_stop(self) -> bool:
-        """Enough has been sent since the last DC1 to have brought the buffer to its level (6.3)."""
-        limits = self._params.limits
-        return self._sent - self._sent_at_dc1 >= (limits.next_stop if self._resumed else limits.first_stop)
-
     @property
     def _pause_by_code(self) -> bool:
         return self._params.pause is PauseBy.DC3
@@ -373,9 +359,11 @@ class FanucBHost:
                 self._events.put(Notice(text=f"the control {what}"))
             case State.DELIVERED | State.CLOSING:
                 if code is ControlCode.SYN and self._params.syn_at_end is SynAtEnd.COMPLETE:
-                    self._end(Outcome.COMPLETE, "delivered whole; the control was reset at its end (SYN)", now)
+                    self._end(
+                        Outcome.COMPLETE, "the control has read the whole program and was reset at its end (SYN)", now
+                    )
                 else:
-                    self._end(outcome, f"delivered whole, not executed: the control {what}", now)
+                    self._end(outcome, f"sent whole, not executed: the control {what}", now)
             case _:
                 self._end(outcome, f"the control {what}", now)
 
@@ -418,6 +406,7 @@ class FanucBHost:
         self._state = state
         self._source = None
         self._reception = None
+        self._delivery = Delivery(self._params.limits, stale=self._delivery.in_flight)
 
     def _fill(self, now: Nanos) -> None:
         """Keep the next bytes at hand, and notice the end of the program with its last byte."""
@@ -436,12 +425,13 @@ class FanucBHost:
         """The job is over. One that is whole waits for its last byte to leave; any other calls back what it can."""
         self._timers.stop_all()
         self._ending = outcome, reason
+        self._certain = self._delivery.certain(now)
         self._state = State.LEAVING
         self._ahead = b""
         self._pause_wanted = self._pause_told = False
         self._recall = outcome is not Outcome.COMPLETE
         self._timers.start(Timer.LEAVING, now + LEAVING)
-        if not self._in_flight and not self._recall:
+        if not self._delivery.in_flight and not self._recall:
             self._finish()
 
     def _finish(self) -> None:
@@ -453,7 +443,8 @@ class FanucBHost:
         self._state = State.IDLE
         low = high = self.progress
         if self._reception is None and outcome is not Outcome.COMPLETE:
-            low = max(0, high - self._in_flight)
+            left = max(0, high - self._delivery.in_flight)
+            low = left if self._certain is None else min(left, self._certain)
         self._source = None
         self._events.put(Ended(outcome=outcome, reason=reason, bytes_low=low, bytes_high=high))
 
