@@ -83,7 +83,7 @@ class SetData(StrEnum):
 
 
 class RstAtEnd(StrEnum):
-    """What RST means when the whole program has been taken and the buffer is empty."""
+    """What RST means when the whole program has been taken, but no SAT has yet reported an empty buffer."""
 
     COMPLETE = "complete"
     CANCELLED = "cancelled"
@@ -170,7 +170,7 @@ class Params:
     nb: int = _parameter("nb", 4000, "A large one makes long DATs.")
     no: int = _parameter("no", 512, "The host may have this much under way when RS goes OFF.")
     ne: int = _parameter("ne", 10, "")
-    tp: int = _parameter("tp", 5, "")
+    tp: int = _parameter("tp", 2, "Short, so that the end of a program is soon known.")
     to: int = _parameter("to", 20, "")
     ti: int = _parameter("ti", 0, "A host computer needs no gaps between bytes.")
     tx: int = _parameter("tx", 0, "A host computer can receive while it sends; a line that must turn round cannot.")
@@ -233,8 +233,8 @@ class Params:
     pad: int = setting(0, "Fills the last packet behind EOR; not stated.", end=_HOST, limits=(0, 255))
     invalid: int = setting(0, "The number of invalid packets.", end=_HOST, limits=(0, 0x2F))
     rst_at_end: RstAtEnd = setting(
-        RstAtEnd.COMPLETE,
-        "RST when all has been taken and the buffer is empty: M30 may reset the CNC.",
+        RstAtEnd.CANCELLED,
+        "RST after all has been taken, before SAT has reported an empty buffer: complete where M30 resets the CNC.",
         end=_HOST,
     )
     start_time: float = setting(
