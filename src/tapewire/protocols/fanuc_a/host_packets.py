@@ -52,6 +52,7 @@ class PacketStream:
         self._kept: dict[int, _Kept] = {}
         self._built = 0
         self._position = 0
+        self._given: int | None = None
         self._asked_again: Counter[int] = Counter()
         self._proven = 0
         self._end_built = False
@@ -95,14 +96,23 @@ class PacketStream:
         if self._position == self._built and not self._build_next():
             return None
         kept = self._kept[self._position]
+        self._given = self._position
         self._position += 1
         self.end_begun = kept.wire[0] == END_NUMBER
         return kept.wire, kept.span
+
+    def take_back(self) -> None:
+        """What was given out last has not been begun: it is not sent, or sent later."""
+        if self._given is not None:
+            self._position = self._given
+        self._given = None
+        self.end_begun = False
 
     def invalid(self) -> bytes | None:
         """A packet that only says that we are there (5.2 2) c)); None when it would not be in order."""
         if self.held or self.stopped or self.end_begun:
             return None
+        self._given = None
         return encode_packet(self._params.invalid, bytes([self._params.pad]) * self._size, self._n)
 
     def go_back(self, number: int | None, most: int) -> str | None:
@@ -175,5 +185,6 @@ class PacketStream:
         self._built += 1
 
     def _dummy_end(self) -> tuple[bytes, Span | None]:
+        self._given = None
         self.end_begun = True
         return encode_packet(END_NUMBER, bytes([self._params.pad]) * self._size, self._n), None

@@ -117,12 +117,15 @@ class Streaming:
     def give_up(self) -> None:
         """Nothing of the program any more, also not again; invalid packets and the dummy end packet remain."""
         if self._stream is not None:
+            self._take_back(self._stream)
             self._stream.give_up()
         self._timers.stop(Timer.SOURCE)
         self._timers.stop(Timer.DAMAGED)
 
     def close(self) -> None:
-        """Back to protocol A."""
+        """Back to protocol A; what was left of a packet is not sent any more."""
+        if self._stream is not None:
+            self._outbox.put(b"")
         self._stream = None
         self._first_wait = 0
         for timer in (Timer.KEEP_ALIVE, Timer.DAMAGED, Timer.SOURCE):
@@ -162,6 +165,7 @@ class Streaming:
         stream = self._stream
         assert stream is not None
         self._tell_form(packet)
+        self._take_back(stream)
         self._timers.stop(Timer.DAMAGED)
         match packet.monitor:
             case Monitor.DC3:
@@ -181,8 +185,16 @@ class Streaming:
 
     def hold_damaged(self, now: Nanos) -> None:
         """What could not be read may have been DC3, NAK or CAN: whatever goes out now may be too much, or in vain."""
+        assert self._stream is not None
+        self._take_back(self._stream)
         self._hold("what the control sent could not be read; it may have been DC3")
         self._timers.start(Timer.DAMAGED, now + self._agreement.to + SECOND)
+
+    def _take_back(self, stream: PacketStream) -> None:
+        """A packet of which nothing has been handed over is not under way (5.3)."""
+        if self._outbox.untouched:
+            self._outbox.put(b"")
+            stream.take_back()
 
     def _hold(self, why: str) -> None:
         assert self._stream is not None
