@@ -36,9 +36,7 @@ def test_surfacing_is_framed_as_a_control_wants_it(made: bytes) -> None:
 def test_every_block_of_surfacing_is_one_a_control_can_read(made: bytes) -> None:
     word = r"[GMNSTHXYZFO]-?\d+(?:\.\d*)?"
     block = re.compile(rf"(?:{word})*(?:\([A-Z0-9. -]+\))?")
-    unreadable = [
-        line for line in made.decode("ascii").split("\n")[1:-2] if not (line and block.fullmatch(line))
-    ]
+    unreadable = [line for line in made.decode("ascii").split("\n")[1:-2] if not (line and block.fullmatch(line))]
     assert unreadable == []
 
 

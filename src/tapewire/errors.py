@@ -10,7 +10,6 @@ asks for wrongly, and a line or a job that fails, is one of these. What we did w
      |    +-- LineNotFound           no such port or host
      |    +-- LineBusy               somebody else has it
      |    +-- LineLost               it was there and is gone
-     +-- TransferError               a job could not be carried through; the result is in `result`
 """
 
 from __future__ import annotations
@@ -22,7 +21,6 @@ __all__ = [
     "LineNotFound",
     "ProgramError",
     "TapewireError",
-    "TransferError",
     "UsageError",
 ]
 
@@ -61,7 +59,3 @@ class LineBusy(LineError):
 
 class LineLost(LineError):
     """The line was open and is gone: unplugged, closed by the peer, power lost."""
-
-
-class TransferError(TapewireError):
-    """A job did not end as complete; the message is its reason."""

@@ -21,7 +21,7 @@ def test_every_default_can_be_set(entry: ProtocolEntry) -> None:
 @every_protocol
 def test_every_setting_says_what_it_means(entry: ProtocolEntry) -> None:
     for key, values, default, _, why in describe_settings(entry.record):
-        assert values and default and why.endswith("."), key
+        assert all((values, default, why.endswith("."))), key
 
 
 @every_protocol

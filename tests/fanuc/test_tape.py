@@ -199,7 +199,7 @@ def test_every_change_is_stated() -> None:
     _, preparation = prepared(b"%\nM30\r\n%\r\n\x1a")
     assert preparation.changes == (
         "CR dropped before LF in 1 block",
-        "3 bytes of white space, NUL or 1Ah dropped after the last %",
+        "3 bytes after the last % dropped (line ends, blanks, NUL or 1Ah)",
     )
 
 
@@ -296,7 +296,7 @@ def test_a_file_that_never_ends_a_block_is_refused_at_its_line_and_not_collected
 def test_a_long_run_of_nul_after_the_program_is_dropped() -> None:
     out, preparation = prepared(b"%\nM30\n%" + bytes(3 << 20))
     assert out == b"%\nM30\n%"
-    assert preparation.changes == ("3,145,728 bytes of white space, NUL or 1Ah dropped after the last %",)
+    assert preparation.changes == ("3,145,728 bytes after the last % dropped (line ends, blanks, NUL or 1Ah)",)
 
 
 def repeated(data: bytes, times: int) -> Callable[[int], bytes]:

@@ -61,3 +61,11 @@ def anchors(text: str) -> set[str]:
     """The names that headings can be linked by: lower case, punctuation dropped, spaces to hyphens."""
     headings = (match["text"].lower() for match in _HEADING.finditer(without_blocks(text)))
     return {re.sub(r"[^\w\- ]", "", heading).replace(" ", "-") for heading in headings}
+
+
+def table_rows(text: str) -> list[list[str]]:
+    """Every row of every table as its cells, headers too, without the line under them."""
+    lines = [line.strip() for line in without_blocks(text).splitlines()]
+    rows = [re.split(r"(?<!\\)\|", line[1:-1]) for line in lines if re.fullmatch(r"\|.+\|", line)]
+    cells = [[cell.strip() for cell in row] for row in rows]
+    return [row for row in cells if not all(re.fullmatch(r":?-+:?", cell) for cell in row)]

@@ -57,26 +57,26 @@ def tapewire_arguments(words: list[str]) -> list[str] | None:
 
 
 def wrong_arguments(arguments: list[str], cli: click.Group) -> Iterator[str]:
-    command: click.Command = cli
+    context = click.Context(cli, **cli.context_settings)
     words = iter(arguments)
     for word in words:
         if word.startswith("-") and word != "-":
             name, equals, _ = word.partition("=")
-            option = options_of(command).get(name)
+            option = options_of(context).get(name)
             if option is None:
                 yield f"there is no option {name}"
             elif not equals and not (option.is_flag or option.count):
                 next(words, None)
-        elif isinstance(command, click.Group):
-            if word not in command.commands:
+        elif isinstance(context.command, click.Group):
+            command = context.command.get_command(context, word)
+            if command is None:
                 yield f"there is no command {word}"
                 return
-            command = command.commands[word]
+            context = click.Context(command, parent=context, **command.context_settings)
 
 
-def options_of(command: click.Command) -> dict[str, click.Option]:
-    context = click.Context(command)
-    options = [option for option in command.get_params(context) if isinstance(option, click.Option)]
+def options_of(context: click.Context) -> dict[str, click.Option]:
+    options = [option for option in context.command.get_params(context) if isinstance(option, click.Option)]
     return {name: option for option in options for name in (*option.opts, *option.secondary_opts)}
 
 
@@ -107,7 +107,7 @@ def unnamed_files(layout: str) -> list[str]:
 
 
 def invented_files(layout: str) -> list[str]:
-    there = {path.name for path in python_files("src", "tests", "benchmarks", "examples")}
+    there = {path.name for path in python_files("src", "tests", "benchmarks", "examples", "docs")}
     return [name for name in re.findall(r"\b\w+\.py\b", layout) if name not in there]
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import signal
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, Final
 
 import click
@@ -42,10 +44,12 @@ class _Tapewire(click.Group):
     def main(self, args: Sequence[str] | None = None, *rest: Any, **extra: Any) -> Any:
         words = list(sys.argv[1:] if args is None else args)
         extra["standalone_mode"] = False
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
         try:
             status = super().main(words, *rest, **extra)
         except click.UsageError as error:
-            error.show()
+            with suppress(OSError):
+                error.show()
             status = _refused(words, error.format_message(), REFUSED)
         except UsageError as error:
             status = _refused(words, str(error), REFUSED, tell=True)
@@ -53,15 +57,20 @@ class _Tapewire(click.Group):
             status = _refused(words, str(error), NOT_COMPLETE, tell=True)
         except (click.Abort, KeyboardInterrupt):
             status = _refused(words, "interrupted before anything was sent", INTERRUPTED, tell=True)
+        except Exception as error:
+            _refused(words, f"an error of Tapewire itself: {error!r}; please report it", NOT_COMPLETE)
+            raise
         sys.exit(status if isinstance(status, int) else 0)
 
 
 def _refused(words: list[str], reason: str, status: int, *, tell: bool = False) -> int:
     """The command ended before a job did: say why, and end the JSON stream as every stream ends."""
-    if tell:
-        click.echo(f"tapewire: {reason}", err=True)
-    if "--json" in words:
-        click.echo(json_end("cancelled" if status == INTERRUPTED else "failed", reason))
+    with suppress(OSError):
+        if tell:
+            click.echo(f"tapewire: {reason}", err=True)
+    with suppress(OSError):
+        if "--json" in words:
+            click.echo(json_end("cancelled" if status == INTERRUPTED else "failed", reason))
     return status
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import closing, nullcontext
 from pathlib import Path
 
 import click
 
-from tapewire.cli.common import line_options, parse_words, run_job
+from tapewire.cli.common import Number, line_options, parse_words, run_job
 from tapewire.cli.output import Output
 from tapewire.errors import UsageError
 from tapewire.protocols.settings import End
@@ -30,12 +31,14 @@ _COUNT = click.IntRange(min=1)
     show_default=True,
     help="Execute a program as it comes, read it into memory, or punch one out.",
 )
-@click.option("--file", type=click.Path(), help="The program to punch out.")
+@click.option("--file", type=click.Path(readable=False), help="The program to punch out.")
 @click.option("--raw", is_flag=True, help="Punch the file's bytes untouched.")
-@click.option("--save", type=click.Path(path_type=Path), help="Store what the control took in this file.")
+@click.option(
+    "--save", type=click.Path(readable=False, path_type=Path), help="Store what the control took in this file."
+)
 @click.option(
     "--blocks-per-second",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Number(0.001, 1_000_000),
     help="Execution speed; without it blocks take no time.",
 )
 @click.option("--reset-after", type=_COUNT, metavar="BYTES", help="Press RESET after so many bytes of program.")
@@ -57,6 +60,8 @@ def cnc(
     alarm_after: int | None,
 ) -> int:
     """Be a simulated control on LINE for one operation, and exit."""
+    if operation == Operation.PUNCH and save is not None:
+        raise UsageError("--save stores what the control took: it does not go with --operation punch")
     settings = parse_words(words)
     job = settings_for(
         End.CONTROL, line, protocol, baud=baud, stopbits=int(stopbits), settings=settings, timeout_s=timeout
@@ -73,7 +78,8 @@ def cnc(
     async def work(output: Output, stop: asyncio.Event) -> Result:
         return await run_control(task, job.observed_by(output.observe, stop))
 
-    return run_job(f"simulated control, {operation}", as_json, work)
+    with closing(task.punch) if task.punch is not None else nullcontext():
+        return run_job(f"simulated control, {operation}", "of program taken, or punched out", as_json, work)
 
 
 def _program(file: str | None, operation: str, job: JobSettings, raw: bool) -> Program | None:

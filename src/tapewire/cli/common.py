@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import signal
+import sys
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from typing import Any, Final, TypeVar
 
 import click
@@ -15,11 +18,36 @@ from tapewire.errors import UsageError
 from tapewire.protocols import PROTOCOLS
 from tapewire.transfer.reports import Result
 
-__all__ = ["COMPLETE", "INTERRUPTED", "NOT_COMPLETE", "line_options", "parse_words", "run_job", "stop_on_signals"]
+__all__ = [
+    "COMPLETE",
+    "ENDING_SIGNALS",
+    "INTERRUPTED",
+    "NOT_COMPLETE",
+    "Number",
+    "line_options",
+    "parse_words",
+    "run_job",
+    "stop_on_signals",
+]
 
 COMPLETE: Final = 0
 NOT_COMPLETE: Final = 1
 INTERRUPTED: Final = 130
+
+ENDING_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Whatever a person or the system uses to end a command; one that is ignored (nohup) stays so, but for Ctrl-C, which
+a shell ignores for whatever runs in its background."""
+
+
+class Number(click.FloatRange):
+    """A number within its range. click itself takes `nan` for one within any range."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value} is no number", param, ctx)
+        return number
+
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -40,7 +68,7 @@ _OPTIONS: Final = (
     ),
     click.option(
         "--timeout",
-        type=click.FloatRange(min=0, min_open=True),
+        type=Number(min=0, min_open=True),
         metavar="SECONDS",
         help="Not complete so long after the start of the command: failed.",
     ),
@@ -68,14 +96,15 @@ def parse_words(words: tuple[str, ...]) -> dict[str, str]:
 
 def run_job(
     title: str,
+    counted: str,
     as_json: bool,
     job: Callable[[Output, asyncio.Event], Awaitable[Result]],
 ) -> int:
-    """Run `job`, show what it reports, and return the exit status. Ctrl-C ends it in an orderly way."""
-    presenters: list[Presenter] = [PeopleLines(title)]
-    if as_json:
-        presenters.insert(0, JsonLines())
-    output = Output(*presenters)
+    """Run `job`, show what it reports, and return the exit status. Ctrl-C ends it in an orderly way.
+
+    `counted` says of the bytes of an interrupted job what has happened to them.
+    """
+    output = Output(*_presenters(title, counted, as_json))
     try:
         result, interrupted = asyncio.run(_run(output, job))
         output.show(result)
@@ -86,6 +115,16 @@ def run_job(
     return INTERRUPTED if interrupted and result.outcome is Outcome.CANCELLED else NOT_COMPLETE
 
 
+def _presenters(title: str, counted: str, as_json: bool) -> list[Presenter]:
+    """A command started with one of its outputs closed has none there."""
+    presenters: list[Presenter] = []
+    if as_json and sys.stdout is not None:
+        presenters.append(JsonLines())
+    if sys.stderr is not None:
+        presenters.append(PeopleLines(title, counted))
+    return presenters
+
+
 async def _run(output: Output, job: Callable[[Output, asyncio.Event], Awaitable[Result]]) -> tuple[Result, bool]:
     stop = asyncio.Event()
     stop_on_signals(stop)
@@ -94,7 +133,16 @@ async def _run(output: Output, job: Callable[[Output, asyncio.Event], Awaitable[
 
 
 def stop_on_signals(stop: asyncio.Event) -> None:
-    """Ctrl-C and SIGTERM set `stop` from now on. Called inside a running loop."""
+    """Ctrl-C, SIGTERM and a closed terminal set `stop` from now on. Called inside a running loop.
+
+    The loop's own handlers would end with the loop, and a second Ctrl-C would then break into the last words.
+    """
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stop.set)
+
+    def on_signal(number: int, frame: object) -> None:
+        with suppress(RuntimeError):  # the loop has ended, and the job with it
+            loop.call_soon_threadsafe(stop.set)
+
+    for number in ENDING_SIGNALS:
+        if signal.getsignal(number) is not signal.SIG_IGN or number is signal.SIGINT:
+            signal.signal(number, on_signal)

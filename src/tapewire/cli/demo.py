@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import tempfile
+from contextlib import closing
 from pathlib import Path
 
 import click
 
-from tapewire.cli.common import COMPLETE, INTERRUPTED, NOT_COMPLETE, stop_on_signals
+from tapewire.cli.common import COMPLETE, INTERRUPTED, NOT_COMPLETE, Number, stop_on_signals
 from tapewire.cli.demo_view import DemoView
 from tapewire.engine import Nanos, Outcome
 from tapewire.protocols.settings import End
@@ -29,7 +30,7 @@ __all__ = ["demo"]
 @click.option("--baud", type=click.IntRange(300, 4_000_000), help="Bits a second of the line; 86400 for expansion B.")
 @click.option(
     "--blocks-per-second",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Number(0.001, 1_000_000),
     default=400.0,
     show_default=True,
     help="Execution speed of the control; slower than the line, so that it stops the host again and again.",
@@ -59,7 +60,7 @@ def demo(protocol: str, baud: int | None, blocks_per_second: float) -> int:
             sent = await send_program(program, host.observed_by(view.observe_host, stop))
             return sent, await control
 
-        with view:
+        with view, closing(program):
             sent, taken = asyncio.run(both())
         return _status(view.conclude(sent, taken), sent, stop.is_set())
 

@@ -1,7 +1,7 @@
 """What a command shows while a job runs: JSON lines for programs, a progress bar or plain lines for people.
 
-Everything is written by a thread of its own: a terminal that is stopped, or a pipe that nobody reads, never holds up
-the line.
+Each output is written by a thread of its own: a terminal that is stopped, or a pipe that nobody reads, never holds up
+the line, nor the other output.
 """
 
 from __future__ import annotations
@@ -15,10 +15,13 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, Final, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias
 
 from tapewire.engine import AfterStop, Alarm, Event, Nanos, Notice, Outcome, Received, Started, Violation
 from tapewire.transfer.reports import Progress, Ready, Report, Result, StopDistanceTold
+
+if TYPE_CHECKING:
+    from tapewire.cli.bar import Bar
 
 __all__ = ["JsonLines", "Output", "PeopleLines", "Presenter", "json_end", "summary"]
 
@@ -36,46 +39,69 @@ Shown: TypeAlias = Report | Result
 
 
 class Presenter(Protocol):
-    """Puts one report on paper. Runs in the output thread."""
+    """Puts one report on paper. Runs in a thread of its own; `time_ns` is the Unix time of what it reports."""
 
-    def show(self, shown: Shown) -> None: ...
+    def show(self, shown: Shown, time_ns: int) -> None: ...
 
     def close(self) -> None: ...
 
 
 class Output:
-    """Hands reports to presenters in a thread of its own."""
+    """Hands reports to presenters, each in a thread of its own."""
 
     def __init__(self, *presenters: Presenter) -> None:
-        self._presenters = list(presenters)
-        self._queue: queue.SimpleQueue[Shown | None] = queue.SimpleQueue()
-        self._thread = threading.Thread(target=self._work, name="tapewire-output", daemon=True)
-        self._thread.start()
+        self._desks = [_Desk(presenter) for presenter in presenters]
 
     def observe(self, report: Report, now: Nanos) -> None:
         self.show(report)
 
     def show(self, shown: Shown) -> None:
-        if isinstance(shown, Result) or self._queue.qsize() < WAITING_REPORTS:
-            self._queue.put(shown)
+        time_ns = time.time_ns()
+        for desk in self._desks:
+            desk.put(shown, time_ns)
 
     def close(self) -> None:
+        limit = time.monotonic() + CLOSE_LIMIT_S
+        for desk in self._desks:
+            desk.end()
+        for desk in self._desks:
+            desk.wait(limit)
+
+
+class _Desk:
+    """One presenter and its thread. A presenter that cannot write any more is given nothing else; the job goes on."""
+
+    def __init__(self, presenter: Presenter) -> None:
+        self._presenter = presenter
+        self._queue: queue.SimpleQueue[tuple[Shown, int] | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name="tapewire-output", daemon=True)
+        self._thread.start()
+
+    def put(self, shown: Shown, time_ns: int) -> None:
+        if isinstance(shown, Result) or self._queue.qsize() < WAITING_REPORTS:
+            self._queue.put((shown, time_ns))
+
+    def end(self) -> None:
         self._queue.put(None)
-        self._thread.join(CLOSE_LIMIT_S)
+
+    def wait(self, limit: float) -> None:
+        """Until all is written, or the monotonic clock says `limit`."""
+        self._thread.join(max(0.0, limit - time.monotonic()))
 
     def _work(self) -> None:
-        while (shown := self._queue.get()) is not None:
-            for presenter in list(self._presenters):
-                self._try(presenter, lambda p=presenter, s=shown: p.show(s))  # type: ignore[misc]
-        for presenter in list(self._presenters):
-            self._try(presenter, presenter.close)
+        writable = True
+        while (entry := self._queue.get()) is not None:
+            writable = writable and self._try(self._presenter.show, *entry)
+        if writable:
+            self._try(self._presenter.close)
 
-    def _try(self, presenter: Presenter, act: Callable[[], None]) -> None:
-        """Whoever cannot be written to any more is left out; the job goes on."""
+    @staticmethod
+    def _try(act: Callable[..., None], *what: object) -> bool:
         try:
-            act()
+            act(*what)
         except (OSError, ValueError):
-            self._presenters.remove(presenter)
+            return False
+        return True
 
 
 def _event_name(report: object) -> str:
@@ -83,27 +109,28 @@ def _event_name(report: object) -> str:
     return names.get(type(report)) or re.sub(r"(?<!^)(?=[A-Z])", "_", type(report).__name__).lower()
 
 
-def _json_line(name: str, fields: dict[str, Any]) -> str:
-    return json.dumps({"event": name, "time_ns": time.time_ns(), **fields})
+def _json_line(name: str, time_ns: int, fields: dict[str, Any]) -> str:
+    return json.dumps({"event": name, "time_ns": time_ns, **fields})
 
 
 def json_end(outcome: str, reason: str) -> str:
     """The last line of a JSON stream whose job never began."""
     nothing = hashlib.sha256().hexdigest()
-    return _json_line("end", {"outcome": outcome, "bytes": 0, "bytes_handed": 0, "sha256": nothing, "reason": reason})
+    fields = {"outcome": outcome, "bytes": 0, "bytes_handed": 0, "sha256": nothing, "reason": reason}
+    return _json_line("end", time.time_ns(), fields)
 
 
 class JsonLines:
     """One JSON object a line on stdout, flushed."""
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: Shown, time_ns: int) -> None:
         match shown:
             case Received():
                 return
             case Result():
-                line = _json_line("end", dataclasses.asdict(shown))
+                line = _json_line("end", time_ns, dataclasses.asdict(shown))
             case _:
-                line = _json_line(_event_name(shown), dataclasses.asdict(shown))
+                line = _json_line(_event_name(shown), time_ns, dataclasses.asdict(shown))
         sys.stdout.write(line + "\n")
         sys.stdout.flush()
 
@@ -114,19 +141,18 @@ class JsonLines:
 class PeopleLines:
     """Text on stderr; with a terminal, a bar below it."""
 
-    def __init__(self, title: str) -> None:
-        from tapewire.cli.bar import Bar
-
-        self._bar = Bar(title) if sys.stderr.isatty() else None
+    def __init__(self, title: str, counted: str) -> None:
+        self._counted = counted
+        self._bar = _bar(title) if sys.stderr.isatty() else None
         self._last_progress = time.monotonic()
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: Shown, time_ns: int) -> None:
         if isinstance(shown, Progress):
             self._show_progress(shown)
         elif isinstance(shown, Result):
             if self._bar is not None:
                 self._bar.close()
-            self._say(summary(shown))
+            self._say(summary(shown, self._counted))
         else:
             text = _text(shown)
             if text:
@@ -151,7 +177,15 @@ class PeopleLines:
             self._last_progress = time.monotonic()
             total = "" if progress.total is None else f" of {progress.total:,}"
             held = ", held" if progress.held else ""
-            self._say(f"{progress.bytes:,}{total} bytes, {progress.share:.0%} of the line{held}")
+            share = f", {progress.share:.0%} of the line" if progress.share else ""
+            self._say(f"{progress.bytes:,}{total} bytes{share}{held}")
+
+
+def _bar(title: str) -> Bar:
+    """Only a terminal needs what draws it."""
+    from tapewire.cli.bar import Bar
+
+    return Bar(title)
 
 
 def _text(shown: Ready | StopDistanceTold | Event) -> str:
@@ -182,8 +216,8 @@ def _stop_distance(told: StopDistanceTold) -> str:
     return distance if told.guaranteed else f"{distance} (not guaranteed)"
 
 
-def summary(result: Result) -> str:
-    """The last line for people."""
+def summary(result: Result, counted: str) -> str:
+    """The last line for people; `counted` says what has happened to the bytes of an interrupted job."""
     if result.outcome is Outcome.COMPLETE:
         used = "" if result.utilisation is None else f", {result.utilisation:.1%} of the line while not held"
         stops = f", stopped {result.stops} times" if result.stops else ""
@@ -191,4 +225,4 @@ def summary(result: Result) -> str:
     span = f"{result.bytes:,}"
     if result.bytes != result.bytes_handed:
         span = f"at least {result.bytes:,} and at most {result.bytes_handed:,}"
-    return f"{result.outcome}: {result.reason}\n{span} bytes had been delivered"
+    return f"{result.outcome}: {result.reason}\n{span} bytes {counted}"

@@ -18,7 +18,7 @@ __all__ = ["receive"]
 
 
 @click.command()
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=click.Path(readable=False, path_type=Path))
 @line_options
 @click.option("--raw", is_flag=True, help="Store the bytes as they came.")
 @click.option("--force", is_flag=True, help="Replace FILE if it exists.")
@@ -43,4 +43,4 @@ def receive(
     async def transfer(output: Output, stop: asyncio.Event) -> Result:
         return await receive_program(file, job.observed_by(output.observe, stop), raw=raw, force=force)
 
-    return run_job(file.name, as_json, transfer)
+    return run_job(file.name, "stored", as_json, transfer)

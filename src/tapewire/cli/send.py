@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import closing
 
 import click
 
@@ -18,7 +19,7 @@ __all__ = ["send"]
 
 
 @click.command()
-@click.argument("file", type=click.Path())
+@click.argument("file", type=click.Path(readable=False))
 @line_options
 @click.option("--raw", is_flag=True, help="Send the file's bytes untouched.")
 def send(
@@ -42,4 +43,5 @@ def send(
     async def transfer(output: Output, stop: asyncio.Event) -> Result:
         return await send_program(program, job.observed_by(output.observe, stop))
 
-    return run_job(program.name, as_json, transfer)
+    with closing(program):
+        return run_job(program.name, "received by the control, not necessarily executed", as_json, transfer)

@@ -148,7 +148,7 @@ class _Preparer:
             changes.append("EOR (%) added at the end")
         if self._dropped_after_eor_bytes:
             dropped = _counted(self._dropped_after_eor_bytes, "byte")
-            changes.append(f"{dropped} of white space, NUL or 1Ah dropped after the last %")
+            changes.append(f"{dropped} after the last % dropped (line ends, blanks, NUL or 1Ah)")
         return tuple(changes)
 
     def _begin(self, piece: bytes) -> int:

@@ -138,6 +138,9 @@ class DescriptorLine:
         self._now: Nanos = 0
         self._room = 0
         self._unsent = bytearray()
+        self._behind = False
+        """At the last look the kernel held more than the model of the line says: it must be looked at again, even if
+        the kernel has got rid of it since."""
         self._failure: Closed | None = None
         self._ended = False
         self._connected = True
@@ -171,12 +174,12 @@ class DescriptorLine:
         return self._arrivals.take(now)
 
     def room(self, now: Nanos) -> int:
-        """The window less what is in flight, in pieces of at least half a window."""
+        """The window less what is in flight, in pieces of at least a quarter of it."""
         self._now = now
         open_to_send = self._fd is not None and self._connected and not (self._ended or self._failure)
         cts = self._signals is None or self._signals.cts
-        free = self._settings.window - self.in_flight(now) if open_to_send and cts and not self._unsent else 0
-        self._room = free if 2 * free >= self._settings.window else 0
+        free = self._settings.window - self.in_flight(now)
+        self._room = self._tx.offer(free) if open_to_send and cts and not self._unsent else 0
         return self._room
 
     def write(self, data: bytes, now: Nanos) -> None:
@@ -190,7 +193,9 @@ class DescriptorLine:
     def in_flight(self, now: Nanos) -> int:
         """By the model of a line at its rate, and at least what the kernel and this end still hold."""
         held = 0 if self._fd is None or self._ended else self._queued(self._fd) + len(self._unsent)
-        return max(self._tx.in_flight(now), held)
+        by_model = self._tx.in_flight(now)
+        self._behind = held > by_model
+        return max(by_model, held)
 
     def discard(self, now: Nanos) -> int:
         """Call back what the kernel did not take, and of what it took as much as this kind of line can."""
@@ -199,8 +204,7 @@ class DescriptorLine:
             return 0
         count = len(self._unsent) + self._recall(self._fd)
         self._unsent.clear()
-        if count:
-            self._tx.call_back(count)
+        self._tx.call_back(count)
         return count
 
     def set_signals(self, signals: SignalsOut, now: Nanos) -> None:
@@ -214,7 +218,7 @@ class DescriptorLine:
         moments = [self._tx.next_deadline(self._now), self._arrivals.next_deadline()]
         if not self._ended:
             poll = self._poll_interval()
-            if self.in_flight(self._now) > self._tx.in_flight(self._now):
+            if self._behind:
                 poll = QUEUE_POLL if poll is None else min(poll, QUEUE_POLL)
             if poll is not None:
                 moments.append(self._now + poll)

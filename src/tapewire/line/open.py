@@ -131,7 +131,11 @@ async def open_line(
             return TcpLine(await _accept(address, ready), settings)
         case _:
             assert_never(address)
-    ready(str(address))
+    try:
+        ready(str(address))
+    except BaseException:
+        line.close(0)
+        raise
     return line
 
 

@@ -22,6 +22,10 @@ short enough to stay far under the overrun that protocol B (512) and its expansi
 """
 
 
+OFFERED_SHARE: Final = 4
+"""A window is refilled when so large a part of it, one fourth, is free."""
+
+
 def character_time(baud: int, bits: int = BITS_PER_CHARACTER) -> Nanos:
     """Nanoseconds one character occupies the line, rounded up."""
     return -(-bits * SECOND // baud)
@@ -35,14 +39,16 @@ def default_window(baud: int, tolerated: int) -> int:
 class TxPacer:
     """What is on its way out of this end, by the model of a line that sends one character per `character` ns.
 
-    Half the window is the least that is offered, so that a fast line is fed in chunks and not by the character.
+    A quarter of the window is the least that is offered: a fast line is fed in chunks, not by the character, and a
+    computer may be late by three quarters of the window before the wire is empty.
     """
 
-    __slots__ = ("_free_at", "character", "window")
+    __slots__ = ("_free_at", "_least", "character", "window")
 
     def __init__(self, character: Nanos, window: int) -> None:
         self.character = character
         self.window = window
+        self._least = -(-window // OFFERED_SHARE)
         self._free_at: Nanos | None = None
 
     @property
@@ -56,8 +62,11 @@ class TxPacer:
         return -(-(self._free_at - now) // self.character)
 
     def room(self, now: Nanos) -> int:
-        free = self.window - self.in_flight(now)
-        return free if 2 * free >= self.window else 0
+        return self.offer(self.window - self.in_flight(now))
+
+    def offer(self, free: int) -> int:
+        """`free` characters of the window as they are offered: all of them, or none while they are too few."""
+        return free if free >= self._least else 0
 
     def hand_over(self, count: int, now: Nanos) -> Nanos:
         """Returns when the first of the `count` characters begins to leave."""
@@ -66,15 +75,16 @@ class TxPacer:
         return begins
 
     def call_back(self, count: int) -> None:
-        assert self._free_at is not None
-        self._free_at -= count * self.character
+        if count:
+            assert self._free_at is not None, "nothing was handed over"
+            self._free_at -= count * self.character
 
     def next_deadline(self, now: Nanos) -> Nanos | None:
-        """When half the window is free again, then when all has left; None while nothing is in flight."""
+        """When the least that is offered is free again, then when all has left; None while nothing is in flight."""
         if self._free_at is None or self._free_at <= now:
             return None
-        half_free = self._free_at - (self.window - -(-self.window // 2)) * self.character
-        return half_free if half_free > now else self._free_at
+        offered = self._free_at - (self.window - self._least) * self.character
+        return offered if offered > now else self._free_at
 
 
 class RxPacer:

@@ -65,9 +65,10 @@ def parse_settings(record: type[Record], settings: Mapping[str, str], end: End, 
     for key, text in settings.items():
         field = fields.get(key)
         if field is None:
-            raise UsageError(f"there is no setting {key!r}; the settings are {', '.join(sorted(fields))}")
+            known = sorted(name for name, each in fields.items() if each.metadata["end"] in (End.BOTH, end))
+            raise UsageError(f"there is no setting {key!r}; the settings of the {end} are {', '.join(known)}")
         if field.metadata["end"] not in (End.BOTH, end):
-            raise UsageError(f"{key} is a setting of the {field.metadata['end']}, not of the {end}")
+            raise UsageError(f"{key} is a setting of the {field.metadata['end']}, not of the {end}; leave it out here")
         values[field.name] = _parse(field, text)
     return record(**values)
 

@@ -11,7 +11,7 @@ from io import BytesIO
 from typing import Any, Final
 
 from tapewire.codes import EOB_CODES
-from tapewire.engine import SECOND, CncEngine, Ended, Event, HostEngine, Nanos
+from tapewire.engine import SECOND, CncEngine, Ended, Event, HostEngine, Nanos, Received
 from tapewire.line.link import Link
 from tapewire.line.pacing import default_window
 from tapewire.line.simulated import CableEnd, EndSettings, simulated_cable
@@ -46,6 +46,10 @@ class Pair:
     received: BytesIO = field(default_factory=BytesIO)
     host_events: list[tuple[Nanos, Event]] = field(default_factory=list)
     cnc_events: list[tuple[Nanos, Event]] = field(default_factory=list)
+    host_end: Ended | None = None
+    """How the host's last job ended."""
+    cnc_end: Ended | None = None
+    """How the control's last operation ended."""
 
     def step(self, now: Nanos) -> None:
         self.host_link.step(now)
@@ -54,20 +58,6 @@ class Pair:
     def next_deadline(self) -> Nanos | None:
         moments = (self.host_link.next_deadline(), self.cnc_link.next_deadline())
         return min((moment for moment in moments if moment is not None), default=None)
-
-    @property
-    def host_end(self) -> Ended | None:
-        """How the host's last job ended."""
-        return _last_end(self.host_events)
-
-    @property
-    def cnc_end(self) -> Ended | None:
-        """How the control's last operation ended."""
-        return _last_end(self.cnc_events)
-
-
-def _last_end(events: list[tuple[Nanos, Event]]) -> Ended | None:
-    return next((event for _, event in reversed(events) if isinstance(event, Ended)), None)
 
 
 class World:
@@ -141,27 +131,41 @@ class World:
             program=program,
             transcript=Transcript(),
         )
-        pair.host_link.on_event = _collector(pair.transcript, "host", pair.host_events)
-        pair.cnc_link.on_event = _collector(pair.transcript, "cnc", pair.cnc_events)
+
+        def on_host(event: Event, now: Nanos) -> None:
+            pair.host_end = event if isinstance(event, Ended) else pair.host_end
+            _note(event, now, "host", pair.host_events, pair.transcript)
+
+        def on_cnc(event: Event, now: Nanos) -> None:
+            pair.cnc_end = event if isinstance(event, Ended) else pair.cnc_end
+            _note(event, now, "cnc", pair.cnc_events, pair.transcript)
+
+        pair.host_link.on_event, pair.cnc_link.on_event = on_host, on_cnc
         return pair
 
     def step(self) -> bool:
         """Let everything happen that is due now, then jump to the nearest deadline. False when there is none."""
-        for pair in self.pairs:
-            self._settle(pair)
-        moments = [moment for pair in self.pairs if (moment := pair.next_deadline()) is not None]
-        if not moments:
+        deadline = self._settle()
+        if deadline is None:
             return False
-        self.now = max(self.now, min(moments))
+        self.now = deadline
         return True
 
-    def _settle(self, pair: Pair) -> None:
-        """Step both ends until neither has anything left to do at this moment."""
+    def _settle(self) -> Nanos | None:
+        """Step every pair until none has anything left to do at this moment; the nearest deadline after it."""
+        nearest: Nanos | None = None
+        for pair in self.pairs:
+            deadline = self._settle_pair(pair)
+            if deadline is not None and (nearest is None or deadline < nearest):
+                nearest = deadline
+        return nearest
+
+    def _settle_pair(self, pair: Pair) -> Nanos | None:
         for _ in range(MAX_STEPS_AT_ONCE):
             pair.step(self.now)
             deadline = pair.next_deadline()
             if deadline is None or deadline > self.now:
-                return
+                return deadline
         raise AssertionError(f"no end of steps at {self.now} ns:\n{pair.transcript}")
 
     def run_until(self, done: Callable[[], object], *, limit: Nanos = 24 * 3600 * SECOND) -> None:
@@ -174,13 +178,8 @@ class World:
     def run_for(self, span: Nanos) -> None:
         """Let `span` ns pass."""
         end = self.now + span
-        while True:
-            for pair in self.pairs:
-                self._settle(pair)
-            moments = [moment for pair in self.pairs if (moment := pair.next_deadline()) is not None]
-            if not moments or min(moments) > end:
-                break
-            self.now = min(moments)
+        while (deadline := self._settle()) is not None and deadline <= end:
+            self.now = deadline
         self.now = end
 
     def run_until_quiet(self, *, limit: Nanos = 24 * 3600 * SECOND) -> None:
@@ -193,14 +192,11 @@ class World:
         return "\n".join(str(pair.transcript) for pair in self.pairs)
 
 
-def _collector(transcript: Transcript, who: str, events: list[tuple[Nanos, Event]]) -> Callable[[Event, Nanos], None]:
-    def collect(event: Event, now: Nanos) -> None:
+def _note(event: Event, now: Nanos, who: str, events: list[tuple[Nanos, Event]], transcript: Transcript) -> None:
+    if not isinstance(event, Received):
         events.append((now, event))
-        text = event_text(event)
-        if text:
-            transcript.happened(who, text, now)
-
-    return collect
+    if text := event_text(event):
+        transcript.happened(who, text, now)
 
 
 def _listener(

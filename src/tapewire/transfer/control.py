@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import IO, Final
+from typing import Final
 
 from tapewire.codes import EOB_CODES
-from tapewire.engine import Nanos
+from tapewire.engine import Nanos, Outcome
 from tapewire.errors import UsageError
+from tapewire.line.open import TtyAddress
 from tapewire.line.transport import Transport
 from tapewire.sim.machine import Control
+from tapewire.transfer.files import StoredFile
 from tapewire.transfer.program import Program
 from tapewire.transfer.reports import Result
 from tapewire.transfer.session import JobSettings, Session
@@ -59,20 +63,27 @@ class _Taken:
 
     def __init__(self, path: Path | None) -> None:
         self.digest = hashlib.sha256()
-        self.count = 0
-        self._path = path
-        self._file: IO[bytes] | None = None
-        if path is not None:
-            try:
-                self._file = open(path, "wb")  # noqa: SIM115 - closed by close
-            except OSError as error:
-                raise UsageError(f"{path}: cannot be written ({error.strerror})") from None
+        self.error = ""
+        """Why it could not be stored; empty while it could."""
+        self.on_error: Callable[[], object] = lambda: None
+        self._file = StoredFile(path) if path is not None else None
+
+    def begin(self) -> None:
+        if self._file is not None:
+            self._try(self._file.begin)
 
     def write(self, data: bytes) -> None:
         self.digest.update(data)
-        self.count += len(data)
-        if self._file is not None:
-            self._file.write(data)
+        if self._file is not None and not self.error:
+            self._try(self._file.write, data)
+
+    def _try(self, act: Callable[..., None], *what: bytes) -> None:
+        assert self._file is not None
+        try:
+            act(*what)
+        except OSError as error:
+            self.error = f"{self._file.path}: cannot be stored ({error.strerror})"
+            self.on_error()
 
     def close(self) -> None:
         if self._file is not None:
@@ -81,6 +92,9 @@ class _Taken:
 
 STOP_CHARACTERS: Final = 3
 """A control stops its punch-out within two characters of CS OFF (6.1.1 2) (3) (a)): so many may be in flight."""
+
+STOP_CHARACTERS_WITHOUT_CS: Final = 512
+"""On a line without control lines only DC3 stops it, and that within the overrun (6.3)."""
 
 LINGER_S: Final = 1.0
 """After its end a control listens so long for the host to close, so that its last codes are not lost with the line."""
@@ -101,7 +115,7 @@ async def run_control(task: ControlTask, job: JobSettings) -> Result:
     session = Session(
         job,
         cnc,
-        tolerated=STOP_CHARACTERS,
+        tolerated=STOP_CHARACTERS if isinstance(job.line, TtyAddress) else STOP_CHARACTERS_WITHOUT_CS,
         give_up=cnc.reset,
         bytes_done=lambda: cnc.progress,
         total=task.punch.byte_count if task.punch is not None else None,
@@ -112,6 +126,10 @@ async def run_control(task: ControlTask, job: JobSettings) -> Result:
     )
 
     def begin(transport: Transport, now: Nanos) -> None:
+        loop = asyncio.get_running_loop()
+        # Later, because the control is in the middle of taking what cannot be stored.
+        taken.on_error = lambda: loop.call_soon(session.abort)
+        taken.begin()
         if task.punch is not None:
             task.punch.rewind()
             cnc.punch(task.punch, now)
@@ -125,8 +143,8 @@ async def run_control(task: ControlTask, job: JobSettings) -> Result:
     session.report_progress()
     punched = task.punch.sha256(ended.bytes_low) if task.punch is not None else None
     return Result(
-        outcome=ended.outcome,
-        reason=ended.reason,
+        outcome=Outcome.FAILED if taken.error else ended.outcome,
+        reason=taken.error or ended.reason,
         bytes=ended.bytes_low,
         bytes_handed=ended.bytes_high,
         sha256=punched or taken.digest.hexdigest(),

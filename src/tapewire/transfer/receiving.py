@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import hashlib
+import errno
 import os
 import queue
 import threading
@@ -16,6 +16,7 @@ from tapewire.engine import Ended, HostEngine, Nanos, Outcome
 from tapewire.errors import UsageError
 from tapewire.fanuc.tape import Damage, PunchReader
 from tapewire.line.transport import Transport
+from tapewire.transfer.files import StoredFile
 from tapewire.transfer.reports import Result
 from tapewire.transfer.session import JobSettings, Session
 
@@ -29,6 +30,9 @@ RELEASE_AT_BYTES: Final = 16 * 1024
 
 GIVE_UP_AT_BYTES: Final = 1024 * 1024
 """A control that does not heed the pause ends the job here, before the memory does."""
+
+
+NO_LINKS: Final = frozenset({errno.EPERM, errno.ENOTSUP, errno.ENOSYS})
 
 
 async def receive_program(path: Path, job: JobSettings, *, raw: bool = False, force: bool = False) -> Result:
@@ -60,8 +64,10 @@ async def receive_program(path: Path, job: JobSettings, *, raw: bool = False, fo
 
     try:
         ended = await session.run(begin)
-    finally:
+    except BaseException:
         store.finish()
+        raise
+    store.finish(is_whole=ended.outcome is Outcome.COMPLETE)
     session.report_progress()
     return store.result(_verdict(ended, store, backlog), session)
 
@@ -75,6 +81,14 @@ def _verdict(ended: Ended, store: _Store, backlog: _Backlog) -> tuple[Outcome, s
     if ended.outcome is Outcome.COMPLETE and store.damage:
         return Outcome.FAILED, "received to its end, but damaged: " + "; ".join(map(str, store.damage))
     return ended.outcome, ended.reason
+
+
+def _check_name(path: Path, force: bool) -> None:
+    """Raises UsageError for a name that the program could not be given when it is complete."""
+    if os.path.isdir(path):
+        raise UsageError(f"{path} is a directory: name a file in it")
+    if os.path.lexists(path) and not force:
+        raise UsageError(f"{path} exists; name another file, or say --force to replace it")
 
 
 class _Backlog:
@@ -103,21 +117,15 @@ class _Store:
     """A sink that a thread empties into a file, so that a slow disk never stops the line's loop."""
 
     def __init__(self, path: Path, code: DataCode | None, force: bool) -> None:
-        if path.exists() and not force:
-            raise UsageError(f"{path} exists; name another file, or say --force to replace it")
+        _check_name(path, force)
         self.path = path
-        self.part = path.with_name(path.name + ".part")
+        self.part = path.parent / (path.name + ".part")
         self.error: OSError | None = None
         self.damage: tuple[Damage, ...] = ()
         self.on_progress: Callable[[], object] = lambda: None
         self._force = force
-        try:
-            self._file = open(self.part, "wb")  # noqa: SIM115 - closed by finish
-        except OSError as error:
-            raise UsageError(f"{self.part}: cannot be written ({error.strerror})") from None
+        self._file = StoredFile(self.part)
         self._reader = None if code in (None, DataCode.BINARY) else PunchReader(code, self._put)
-        self._digest = hashlib.sha256()
-        self._stored = 0
         self._taken = 0
         self._written = 0
         self._queue: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
@@ -144,25 +152,28 @@ class _Store:
             self.on_progress()
 
     def _put(self, data: bytes) -> None:
+        if not self._file.byte_count:
+            self._file.begin()
         self._file.write(data)
-        self._digest.update(data)
-        self._stored += len(data)
 
-    def finish(self) -> None:
-        """Wait for the disk. Harmless when done twice."""
-        if self._file.closed:
-            return
+    def finish(self, *, is_whole: bool = False) -> None:
+        """Wait for the disk. A punch-out that is whole makes a file, even of no bytes."""
         self._queue.put(None)
         self._thread.join()
         try:
-            if self._reader is not None and self.error is None:
-                self.damage = self._reader.finish()
-            self._file.flush()
-            os.fsync(self._file.fileno())
+            if self.error is None:
+                self._finish_text(is_whole)
         except OSError as error:
             self.error = error
         finally:
             self._file.close()
+
+    def _finish_text(self, is_whole: bool) -> None:
+        if self._reader is not None:
+            self.damage = self._reader.finish()
+        if is_whole and not self._file.byte_count:
+            self._file.begin()
+        self._file.sync()
 
     def result(self, verdict: tuple[Outcome, str], session: Session) -> Result:
         """Give the file its name when it is complete."""
@@ -173,25 +184,33 @@ class _Store:
             except OSError as error:
                 outcome = Outcome.FAILED
                 reason = f"{self.path}: cannot be named so ({error.strerror}); it is in {self.part}"
-        elif self._stored:
+        elif self._file.byte_count:
             reason += f"; what came is in {self.part}"
-        else:
-            self.part.unlink(missing_ok=True)
         return Result(
             outcome=outcome,
             reason=reason,
-            bytes=self._stored,
-            bytes_handed=self._stored,
-            sha256=self._digest.hexdigest(),
+            bytes=self._file.byte_count,
+            bytes_handed=self._file.byte_count,
+            sha256=self._file.sha256,
             seconds=session.seconds,
             stops=session.stops,
             utilisation=None,
         )
 
     def _name(self) -> None:
-        """Without force the name is linked, which fails when it has come into being meanwhile."""
+        """Without force the name is linked, which fails when it has come into being meanwhile. A disk without links
+        (FAT) leaves a moment in which it can.
+        """
         if self._force:
             self.part.replace(self.path)
             return
-        self.path.hardlink_to(self.part)
-        self.part.unlink()
+        try:
+            self.path.hardlink_to(self.part)
+        except OSError as error:
+            if error.errno not in NO_LINKS:
+                raise
+            if os.path.lexists(self.path):
+                raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST)) from None
+            self.part.rename(self.path)
+        else:
+            self.part.unlink()

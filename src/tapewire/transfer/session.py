@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from tapewire.engine import SECOND, Ended, Engine, Event, Held, Nanos, Outcome, Resumed
+from tapewire.engine import SECOND, Closure, Ended, Engine, Event, Held, Nanos, Outcome, Resumed
 from tapewire.line.driver import LineDriver, monotonic
 from tapewire.line.link import Application, Link
 from tapewire.line.open import LineAddress, open_line, parse_line
@@ -21,10 +21,10 @@ from tapewire.transfer.reports import Observer, Progress, Ready, nothing
 
 __all__ = ["JobSettings", "Session", "settings_for"]
 
-PROGRESS_INTERVAL_S: Final = 0.2
-"""At most five progress reports a second."""
+PROGRESS_INTERVAL_S: Final = 0.25
+"""With the last one, which comes when it comes, at most five progress reports a second."""
 
-ABORT_LIMIT_S: Final = 3.0
+ABORT_LIMIT_S: Final = 1.5
 """An engine that was told to give up ends within a second; after this much the line itself is stuck."""
 
 
@@ -144,13 +144,13 @@ class Session:
                 on_ready=lambda line: self.job.observer(Ready(line=line), monotonic()),
             )
         )
-        await self._race(opening)
-        if opening.done():
-            return opening.result()
-        opening.cancel()
-        await asyncio.wait([opening])
-        if not opening.cancelled() and opening.exception() is None:
-            opening.result().close(monotonic())
+        try:
+            await self._race(opening)
+            if opening.done():
+                return opening.result()
+        finally:
+            if not opening.done():
+                await _undo(opening)
         outcome, reason = self._overruled or (Outcome.CANCELLED, "given up here before the line was open")
         return Ended(outcome=outcome, reason=reason, bytes_low=0, bytes_high=0)
 
@@ -160,18 +160,18 @@ class Session:
         try:
             await self._race(driving)
             if not driving.done():
-                self._abort()
-                await asyncio.wait([driving], timeout=ABORT_LIMIT_S)
+                await self._end(driving)
         except asyncio.CancelledError:
-            self._abort()
-            await asyncio.wait([driving], timeout=ABORT_LIMIT_S)
+            await self._end(driving)
             raise
         finally:
             ticker.cancel()
             driving.cancel()
             await asyncio.wait([driving, ticker])
-        if not driving.cancelled():
-            driving.result()
+        if driving.cancelled():
+            self._give_up_line()
+            return
+        driving.result()
         if self._linger_s and not self.link.closed:
             with suppress(TimeoutError):
                 await asyncio.wait_for(self.driver.run(lambda: self.link.closed), self._linger_s)
@@ -187,10 +187,21 @@ class Session:
         finally:
             stopping.cancel()
 
-    def _abort(self) -> None:
+    async def _end(self, driving: asyncio.Future[None]) -> None:
+        self.abort()
+        await asyncio.wait([driving], timeout=ABORT_LIMIT_S)
+
+    def abort(self) -> None:
+        """Give the job up in an orderly way; `run` returns when the engine has said its last."""
         if self.ended is None:
             self._give_up(monotonic())
             self.driver.wake()
+
+    def _give_up_line(self) -> None:
+        """The line does not take the engine's last words: to the engine it is gone."""
+        now = monotonic()
+        self.engine.receive_closed(Closure.LOST, "it takes nothing any more", now)
+        self.link.step(now)
 
     async def _tick(self) -> None:
         while True:
@@ -231,3 +242,11 @@ class Session:
                 pass
         if self.ended is None:
             self.job.observer(event, now)
+
+
+async def _undo(opening: asyncio.Future[Any]) -> None:
+    """Cancel an opening that nobody waits for any more, and close what it has opened all the same."""
+    opening.cancel()
+    await asyncio.wait([opening])
+    if not opening.cancelled() and opening.exception() is None:
+        opening.result().close(monotonic())

@@ -11,96 +11,20 @@ from tapewire.engine import (
     SECOND,
     Closure,
     Ended,
-    Event,
     Held,
     LineFault,
-    Nanos,
     Notice,
     Outcome,
     Requested,
     Resumed,
-    SignalsIn,
     Started,
     Violation,
 )
 from tapewire.errors import UsageError
-from tapewire.protocols.fanuc_b.host import FanucBHost
 from tapewire.protocols.fanuc_b.host_law import LAW, State
-from tapewire.protocols.fanuc_b.messages import ControlCode, Params
-from tapewire.protocols.settings import End
+from tapewire.protocols.fanuc_b.messages import ControlCode
 from tests.contract.rig import drain
-
-DC1, DC3, DC3_ISO, NAK, NAK_ISO, SYN, SYN_ISO = b"\x11", b"\x13", b"\x93", b"\x15", b"\x95", b"\x16", b"\x96"
-PROGRAM = b"%\n" + b"G01 X1.\n" * 2500 + b"%"
-"""20,003 bytes: enough to fill the buffer twice."""
-
-
-class Rig:
-    """A host engine, a line that takes what it is offered, and a clock."""
-
-    def __init__(self, program: bytes = PROGRAM, *, expansion: bool = False, **settings: str) -> None:
-        make = Params.for_expansion_b if expansion else Params.for_protocol_b
-        self.host = FanucBHost(make(settings, End.HOST))
-        self.now: Nanos = 0
-        self.said = b""
-        self.in_flight = 0
-        self.events: list[Event] = []
-        if program:
-            self.host.start(BytesIO(program), 0)
-
-    def hear(self, data: bytes) -> None:
-        self.host.receive_data(data, self.now)
-        self._settle()
-
-    def see(self, **signals: bool) -> None:
-        self.host.receive_signals(SignalsIn(**signals), self.now)
-        self._settle()
-
-    def take(self, count: int) -> bytes:
-        """The line takes up to `count` bytes and they leave."""
-        said = self.hand_over(count)
-        self.leave()
-        return said
-
-    def hand_over(self, count: int) -> bytes:
-        said = b""
-        while len(said) < count and (data := self.host.data_to_send(count - len(said))):
-            self.host.data_sent(len(data), self.now)
-            said += data
-        self.said += said
-        self.in_flight += len(said)
-        self._settle()
-        return said
-
-    def leave(self) -> None:
-        if self.in_flight:
-            count, self.in_flight = self.in_flight, 0
-            self.host.data_left(count, self.now)
-        self._settle()
-
-    def wait(self, span: Nanos) -> None:
-        self.now += span
-        self.host.handle_timer(self.now)
-        self._settle()
-
-    def _settle(self) -> None:
-        self.events += drain(self.host)
-
-    def recall(self, count: int) -> None:
-        assert self.host.recall
-        self.in_flight -= count
-        self.host.data_discarded(count, self.now)
-        self._settle()
-
-    @property
-    def end(self) -> Ended | None:
-        if self.host.recall and not self.in_flight:
-            self.host.data_discarded(0, self.now)
-            self._settle()
-        return next((event for event in self.events if isinstance(event, Ended)), None)
-
-    def of(self, kind: type) -> list[Event]:
-        return [event for event in self.events if isinstance(event, kind)]
+from tests.protocols.fanuc_b.host_rig import DC1, DC3, DC3_ISO, NAK, NAK_ISO, PROGRAM, SYN, SYN_ISO, Rig
 
 
 def test_6_1_1_1_nothing_is_sent_before_dc1() -> None:
@@ -256,103 +180,6 @@ def test_where_m30_resets_the_control_a_syn_after_the_last_byte_can_be_set_to_co
     assert rig.end.outcome is Outcome.COMPLETE
 
 
-def test_6_4_1_without_posting_a_falling_er_ends_the_job() -> None:
-    rig = Rig(posting="off")
-    rig.see(dsr=False)
-    rig.see()
-    rig.hear(DC1)
-    rig.take(8000)
-    rig.hear(DC3)
-    rig.wait(SECOND)
-    rig.see(dsr=False)
-    assert rig.end is not None
-    assert (rig.end.outcome, rig.end.bytes_low) == (Outcome.FAILED, 8000)
-
-
-def test_6_1_1_7_er_falling_after_the_last_byte_is_the_end() -> None:
-    rig = Rig(posting="off")
-    rig.see()
-    rig.hear(DC1)
-    rig.take(len(PROGRAM))
-    rig.see(dsr=False)
-    assert rig.end is not None
-    assert rig.end.outcome is Outcome.COMPLETE
-
-
-def test_an_er_that_was_never_on_or_is_said_to_be_hidden_says_nothing() -> None:
-    rig = Rig(posting="off")
-    rig.see(dsr=False)
-    rig.hear(DC1)
-    rig.take(100)
-    rig.see(dsr=False, cts=False)
-    assert rig.end is None
-    hidden = Rig(posting="off", er="hidden")
-    hidden.see()
-    hidden.hear(DC1)
-    hidden.see(dsr=False)
-    assert hidden.end is None
-
-
-@pytest.mark.parametrize(("expansion", "first"), [(False, 7680), (True, 5632)])
-def test_blind_a_dc3_before_the_buffer_can_have_filled_ends_the_job(expansion: bool, first: int) -> None:
-    """Without posting and ER it may be a reset, and the next DC1 a start: it must not get the middle."""
-    early = Rig(expansion=expansion, posting="off")
-    early.hear(DC1)
-    early.take(first - 1)
-    early.hear(DC3)
-    assert early.end is not None
-    assert early.end.outcome is Outcome.FAILED
-    assert "RESET the control and send again" in early.end.reason
-    early.hear(DC1)
-    assert early.take(10) == b""
-    full = Rig(expansion=expansion, posting="off")
-    full.hear(DC1)
-    full.take(first)
-    full.hear(DC3 + DC1)
-    assert full.take(10) == PROGRAM[first : first + 10]
-
-
-@pytest.mark.parametrize(("expansion", "refill"), [(False, 3584), (True, 1536)])
-def test_blind_the_same_after_a_dc1(expansion: bool, refill: int) -> None:
-    for count, ends in ((refill - 1, True), (refill, False)):
-        rig = Rig(expansion=expansion, posting="off")
-        rig.hear(DC1)
-        rig.take(8000)
-        rig.hear(DC3 + DC1)
-        rig.take(count)
-        rig.hear(DC3)
-        assert (rig.end is not None) is ends
-
-
-def test_blind_a_second_dc3_with_no_dc1_between_ends_the_job() -> None:
-    rig = Rig(posting="off")
-    rig.hear(DC1)
-    rig.take(8000)
-    rig.hear(DC3 + DC3)
-    assert rig.end is not None
-    assert rig.end.outcome is Outcome.FAILED
-
-
-def test_blind_the_risk_is_said_before_the_first_byte() -> None:
-    rig = Rig(posting="off")
-    rig.hear(DC1)
-    assert [type(event) for event in rig.events] == [Requested, Notice, Started]
-    seeing = Rig(posting="off")
-    seeing.see()
-    seeing.hear(DC1)
-    assert not seeing.of(Notice)
-
-
-def test_not_blind_an_early_dc3_stops_and_says_that_it_is_early() -> None:
-    rig = Rig()
-    rig.hear(DC1)
-    rig.take(100)
-    rig.hear(DC3)
-    assert rig.of(Held) == [Held(why="DC3, before the buffer can have filled")]
-    rig.hear(DC1)
-    assert rig.take(10) == PROGRAM[100:110]
-
-
 def test_3_2_rs_off_stops_and_rs_on_goes_on() -> None:
     rig = Rig()
     rig.see()
@@ -495,6 +322,16 @@ def test_a_source_that_is_late_is_waited_for() -> None:
     rig.hear(DC3)
     assert rig.end is not None
     assert rig.end.outcome is Outcome.COMPLETE
+
+
+@pytest.mark.parametrize("stop", [DC3, DC3_ISO])
+def test_6_4_1_dc3_inside_a_punch_out_is_its_end_before_its_time(stop: bytes) -> None:
+    """Without posting a control that is reset says no more than DC3; no character of text looks like it."""
+    rig = Rig(b"")
+    rig.host.receive(BytesIO(), 0)
+    rig.hear(b"\x12O0001\n" + stop)
+    assert rig.end is not None
+    assert (rig.end.outcome, rig.end.bytes_low) == (Outcome.FAILED, 6)
 
 
 def test_one_job_at_a_time() -> None:

@@ -83,6 +83,7 @@ class FanucBHost:
         self._rs = True
         self._er = False
         self._sees_er = False
+        self._has_signals = False
         self._recall = False
         self._delivery = Delivery(params.limits)
         self._source: Source | None = None
@@ -112,12 +113,16 @@ class FanucBHost:
     def abort(self, now: Nanos) -> None:
         """Fall silent and call back what has not left. No EOR is sent, so the program cannot look whole (8.2)."""
         if self._state not in (State.IDLE, State.LEAVING):
-            self._end(Outcome.CANCELLED, "given up here; RESET the control before anything else is sent to it", now)
+            began = self.progress or self._state is State.RECEIVING
+            advice = "; RESET the control before anything else is sent to it" if began else " before anything was sent"
+            self._end(Outcome.CANCELLED, f"given up here{advice}", now)
             self._certain = None
 
     def hold_reception(self, now: Nanos) -> None:
-        """Pause the punch-out (6.1.1 2) (3)). The control may still send its overrun."""
-        self._pause_wanted = self._state is State.RECEIVING
+        """Pause the punch-out, or the next one (6.1.1 2) (3)). The control may still send its overrun."""
+        before, self._pause_wanted = self._pause_wanted, self._state in (State.LISTENING, State.RECEIVING)
+        if self._pause_wanted and not before and not self._pause_by_code and not self._has_signals:
+            self._events.put(Violation(what="pause=cs pauses nothing: this line has no control lines"))
 
     def release(self, now: Nanos) -> None:
         """Let the paused punch-out go on (6.1.1 2) (4), 6.1.2 (4))."""
@@ -169,6 +174,7 @@ class FanucBHost:
 
     def receive_signals(self, signals: SignalsIn, now: Nanos) -> None:
         """Host CTS is the control's RS, host DSR its ER (3.2)."""
+        self._has_signals = True
         if signals.cts != self._rs:
             self._rs = signals.cts
             if self._state is State.SENDING:
@@ -251,6 +257,8 @@ class FanucBHost:
                     self._finish_reception(now)
                 case Timer.DAMAGED:
                     self._end(Outcome.FAILED, "a damaged character came from the control and nothing after it", now)
+                case Timer.EARLY_STOP:
+                    self._end(Outcome.FAILED, f"a DC3 that cannot have been a stop: {_LOOKS_LIKE_RESET}", now)
                 case Timer.LEAVING:
                     self._finish()
 
@@ -290,8 +298,8 @@ class FanucBHost:
 
     def _on_dc1(self, now: Nanos) -> None:
         """6.1.1 1) (2), (6)."""
-        self._timers.stop(Timer.DAMAGED)
-        self._timers.stop(Timer.CLOSING)
+        for timer in (Timer.DAMAGED, Timer.CLOSING, Timer.EARLY_STOP):
+            self._timers.stop(timer)
         match self._state:
             case State.ARMED:
                 self._events.put(Requested())
@@ -317,16 +325,27 @@ class FanucBHost:
         match self._state:
             case State.DELIVERED | State.CLOSING:
                 self._on_closing_dc3(now)
+            case State.RECEIVING:
+                self._end(Outcome.FAILED, "the control stopped in the middle of its punch-out (DC3)", now)
             case State.HELD if self._blind:
                 self._end(Outcome.FAILED, f"a second DC3 with no DC1 between: {_LOOKS_LIKE_RESET}", now)
             case State.HELD:
-                self._events.put(Notice(text="a second DC3 with no DC1 between"))
+                self._doubt_stop("a second DC3 with no DC1 between", now)
             case _ if self._blind and not self._delivery.may_have_filled_the_buffer:
                 self._end(Outcome.FAILED, f"DC3 before the buffer can have filled: {_LOOKS_LIKE_RESET}", now)
             case _:
                 self._state = State.HELD
-                early = "" if self._delivery.may_have_filled_the_buffer else ", before the buffer can have filled"
-                self._events.put(Held(why=f"DC3{early}"))
+                self._events.put(Held(why="DC3"))
+                if not self._delivery.may_have_filled_the_buffer:
+                    self._doubt_stop("DC3 before the buffer can have filled", now)
+
+    def _doubt_stop(self, what: str, now: Nanos) -> None:
+        """A control that posts says SYN or NAK after a DC3 that is no stop. If nothing says so and ER cannot be seen,
+        it may not post at all, and a late DC1 would be a start: it must not get the middle.
+        """
+        self._events.put(Notice(text=what))
+        if not self._sees_er:
+            self._timers.start(Timer.EARLY_STOP, now + round(self._params.early_stop * SECOND))
 
     def _on_closing_dc3(self, now: Nanos) -> None:
         """The end of the read, unless it can be a stop, or SYN or NAK follows it (6.1.1 1) (7), 6.1.2 (7))."""

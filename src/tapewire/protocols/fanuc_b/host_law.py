@@ -43,6 +43,7 @@ class Timer(Enum):
     SOURCE = "source poll"
     LEAVING = "leaving"
     DAMAGED = "damaged wait"
+    EARLY_STOP = "early stop"
 
 
 _ENDING: Final = frozenset({State.LEAVING, State.IDLE})
@@ -60,6 +61,7 @@ LAW: Final[dict[tuple[State, ControlCode], frozenset[State]]] = {
     (State.CLOSING, _DC1): frozenset({State.DELIVERED}),
     (State.CLOSING, _DC3): frozenset({State.CLOSING}) | _ENDING,
     (State.LISTENING, _DC2): frozenset({State.RECEIVING}),
+    (State.RECEIVING, _DC3): _ENDING,
     (State.RECEIVING, _DC4): frozenset({State.AFTER_DC4}),
     **{
         (state, code): frozenset({state}) if state in (State.IDLE, State.ARMED, State.LISTENING) else _ENDING

@@ -19,7 +19,7 @@ _CONTROL_CODES: Final = {
 }
 """What is a control code between DC2 and DC4. In EIA 13h, 15h and 16h are the digits 3, 5 and 6."""
 
-_EXPECTED: Final = frozenset({ControlCode.DC4, ControlCode.SYN, ControlCode.NAK})
+_EXPECTED: Final = frozenset({ControlCode.DC3, ControlCode.DC4, ControlCode.SYN, ControlCode.NAK})
 
 
 class Reception:

@@ -195,6 +195,14 @@ class Params:
         unit="s",
         limits=(0.05, 60.0),
     )
+    early_stop: float = setting(
+        2.0,
+        "With posting on and ER not visible: a DC3 before the buffer can have filled, or a second one, is believed "
+        "to be a stop only if DC1 follows within this time. Otherwise the job fails: the control may not post at all.",
+        end=End.HOST,
+        unit="s",
+        limits=(0.1, 86400.0),
+    )
     syn_at_end: SynAtEnd = setting(
         SynAtEnd.CANCELLED,
         "A SYN after the last byte: the control was reset before it had executed all. complete where M30 resets.",
@@ -215,7 +223,7 @@ class Params:
         "The simulated control posts SYN and NAK also while idle; the valid period is a lost figure (6.1.2).",
         end=End.CONTROL,
     )
-    after_stop: int = setting(
+    punch_overrun: int = setting(
         16,
         "Characters the simulated control still punches after it has received DC3.",
         end=End.CONTROL,

@@ -1,0 +1,115 @@
+"""What the docs take from the code does not lag behind it, and nothing the code has is left out."""
+
+from __future__ import annotations
+
+import re
+from enum import Enum
+from typing import get_args
+
+import pytest
+
+from docs.generate import PARTS, command_names, marked_names, regenerated
+from tapewire.engine import AfterStop, Ended, Received
+from tapewire.protocols.fanuc_b import cnc_law, host_law
+from tapewire.protocols.fanuc_b.messages import ControlCode, Params
+from tapewire.protocols.settings import describe_settings
+from tapewire.transfer.reports import Report, Result, StopDistanceTold
+from tests.house.markdown import fenced_blocks, table_rows
+from tests.house.sources import ROOT, python_files
+from tests.house.test_docs import ARCHITECTURE, pages
+from tests.house.test_imports import LAYERS
+
+PROTOCOL_B_PAGE = ROOT / "docs" / "protocols" / "fanuc_b.md"
+COMPLIANCE = ROOT / "docs" / "compliance.md"
+
+
+def test_what_is_taken_from_the_code_is_up_to_date() -> None:
+    lagging = [page.name for page in pages() if regenerated(page.read_text()) != page.read_text()]
+    assert lagging == [], "run scripts/docs"
+
+
+def test_every_part_has_its_place_and_only_one() -> None:
+    names = [name for page in pages() for name in marked_names(page.read_text())]
+    assert sorted(names) == sorted(PARTS)
+
+
+def test_markers_come_in_pairs() -> None:
+    for page in pages():
+        marks = re.findall(r"<!-- (begin|end) generated: ([^\n]+?) -->", page.read_text())
+        assert [mark for mark in marks if mark[0] == "begin"] == [
+            ("begin", name) for name in marked_names(page.read_text())
+        ]
+        assert len(marks) == 2 * len(marked_names(page.read_text())), page.name
+
+
+def test_a_part_that_lags_is_found() -> None:
+    page = "<!-- begin generated: windows -->\nold\n<!-- end generated: windows -->\n"
+    assert regenerated(page) != page
+    assert regenerated(regenerated(page)) == regenerated(page)
+    with pytest.raises(KeyError):
+        regenerated(page.replace("windows", "gone"))
+
+
+def words_of(*enums: type[Enum]) -> list[str]:
+    return [f"`{word.name}`" for words in enums for word in words]
+
+
+def test_the_protocol_page_has_every_word_of_both_ends() -> None:
+    page = PROTOCOL_B_PAGE.read_text()
+    first_cells = {row[0] for row in table_rows(page)}
+    missing = set(words_of(host_law.State, cnc_law.State)) | {code.name for code in ControlCode}
+    missing |= {timer.value for timer in host_law.Timer}
+    assert missing - first_cells == set()
+    assert [word for word in words_of(cnc_law.Act) if word not in page] == []
+
+
+def test_the_protocol_page_has_every_setting() -> None:
+    first_cells = {row[0] for row in table_rows(PROTOCOL_B_PAGE.read_text())}
+    assert {f"`{key}`" for key, *_ in describe_settings(Params)} <= first_cells
+
+
+def test_the_page_of_the_command_line_has_every_command() -> None:
+    helps = [body for _, body in fenced_blocks((ROOT / "docs" / "cli.md").read_text())]
+    assert [name for name in command_names() if not any(f"Usage: tapewire {name} " in body for body in helps)] == []
+
+
+def test_the_architecture_has_the_rooms_in_their_order() -> None:
+    between = re.search(r"<!-- begin layers -->\n(.*?)<!-- end layers -->", ARCHITECTURE.read_text(), re.S)
+    assert between is not None
+    assert between[1].splitlines() == [f"{floor}. {', '.join(rooms)}" for floor, rooms in enumerate(LAYERS, 1)]
+
+
+def test_compliance_names_tests_there_are() -> None:
+    there = set(re.findall(r"def (test_\w+)", "\n".join(path.read_text() for path in python_files("tests"))))
+    named = re.findall(r"`(test_\w+)`", COMPLIANCE.read_text())
+    assert named
+    assert [name for name in named if name not in there] == []
+
+
+def test_compliance_claims_no_machine_that_nobody_has_seen() -> None:
+    """A `yes` needs the name of a control beside it, so it is never one word."""
+    rows = [row for row in table_rows(COMPLIANCE.read_text()) if len(row) == 5][1:]
+    assert len(rows) > 20
+    assert [row for row in rows if row[-1] != "no" and len(row[-1].split()) < 4] == []
+    assert [row for row in rows if "**no**" not in row[2] and "`test_" not in row[3]] == []
+
+
+def events_of_json() -> dict[str, set[str]]:
+    """What `--json` may say, and the fields of each: reports as they are called, but for two."""
+    other_names = {StopDistanceTold: "stop_distance", AfterStop: "after_dc3", Result: "end"}
+    told = set(get_args(Report)) - {Received, Ended} | {Result}
+    return {
+        other_names.get(report) or re.sub(r"(?<!^)(?=[A-Z])", "_", report.__name__).lower(): set(
+            report.__dataclass_fields__
+        )
+        for report in told
+    }
+
+
+def test_the_page_of_the_command_line_has_every_event_and_its_fields() -> None:
+    said: dict[str, set[str]] = {}
+    for row in table_rows((ROOT / "docs" / "cli.md").read_text()):
+        if len(row) == 3 and row[0].startswith("`"):
+            fields = set(re.findall(r"`(\w+)`", row[1]))
+            said |= dict.fromkeys(re.findall(r"`(\w+)`", row[0]), fields)
+    assert said == events_of_json()
