@@ -95,7 +95,7 @@ class HostLine(ABC):
     # from the line
 
     def receive_data(self, data: bytes, now: Nanos) -> None:
-        if self._closed:
+        if self._closed or not data:
             return
         self._exchange.begin(now)
         for heard in self._exchange.read(data, now):

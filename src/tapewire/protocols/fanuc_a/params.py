@@ -6,13 +6,13 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, Final
+from typing import Any
 
 from tapewire.codes import DataCode
 from tapewire.errors import UsageError
 from tapewire.protocols.fanuc_a.messages import LONGEST_DAT, Coding, EndCode, MessageCode
 from tapewire.protocols.fanuc_a.packets import MonitorCode, MonitorSum
-from tapewire.protocols.fanuc_a.status import LIMITS, POWER_ON, Filler, Parameters
+from tapewire.protocols.fanuc_a.status import LIMITS, Filler, Parameters
 from tapewire.protocols.settings import End, Switch, parse_settings, setting
 
 __all__ = [
@@ -149,8 +149,9 @@ _HOST, _CONTROL = End.HOST, End.CONTROL
 
 def _parameter(field: str, default: int, why: str) -> Any:
     limit = LIMITS[field]
-    text = f"{limit.meaning[0].upper()}{limit.meaning[1:]}; {limit.power_on} at power-on of a control. {why}".rstrip()
-    return setting(default, text, key=limit.name, unit=limit.unit, limits=(limit.low, limit.high))
+    text = f"{limit.meaning[0].upper()}{limit.meaning[1:]} (4.5). {why}".rstrip()
+    limits = (limit.low, limit.high)
+    return setting(default, text, key=limit.name, unit=limit.unit, limits=limits, control=limit.power_on)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -348,10 +349,7 @@ class Params:
 
     @classmethod
     def _parsed(cls, settings: Mapping[str, str], end: End, automatic: PacketLength) -> Params:
-        params = parse_settings(cls, settings, end, _AT_POWER_ON if end is End.CONTROL else {})
+        params = parse_settings(cls, settings, end, {})
         if params.n is not PacketLength.AUTO:
             return params
         return dataclasses.replace(params, n=automatic if end is End.HOST else PacketLength.PROTOCOL_A)
-
-
-_AT_POWER_ON: Final = {field: getattr(POWER_ON, field) for field in LIMITS}
