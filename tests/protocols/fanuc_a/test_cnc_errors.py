@@ -306,8 +306,14 @@ def test_syn_in_the_middle_of_a_program_ends_it_as_failed() -> None:
     assert bench.engine.buffered == 0
 
 
-def test_syn_before_the_first_byte_lets_the_operation_wait() -> None:
-    bench = Bench().asked().answer(C.SYN).answer(C.SYN).answer(C.RDY)
+def test_syn_after_the_first_gtd_ends_the_operation_as_failed() -> None:
+    assert Bench().asked().answer(C.SYN).ended_as(Outcome.FAILED, "SYN")
+
+
+def test_syn_before_the_first_gtd_lets_the_operation_wait() -> None:
+    bench = Bench().ready().run(5.1)
+    bench.engine.cycle_start(bench.now)
+    bench.answer(C.SYN).answer(C.SYN).answer(C.RDY)
     bench.messages.clear()
     bench.answer(C.SET)
     assert bench.next() is C.GTD

@@ -90,6 +90,7 @@ class FanucACnc:
         self._signals_in = SignalsIn()
         self._signals_reported = False
         self._host_here = True
+        self._ignored_in: State | None = None
         self._di = params.di
         self._do = 0
 
@@ -102,9 +103,9 @@ class FanucACnc:
         while position < len(data):
             state = self._line.state
             if state in DEAF:
-                what = "the host sent while the control was not listening: ignored (4.6 3))"
-                self._events.put(Violation(what=what, count=len(data) - position))
+                self._ignore(state)
                 return
+            self._ignored_in = None
             if state is State.PACKETS:
                 position = self._receive_packets(data, position, now)
             else:
@@ -254,6 +255,12 @@ class FanucACnc:
                 self._line.host_ready(now)
             else:
                 self._line.host_gone("DR is OFF", for_good=False)
+
+    def _ignore(self, state: State) -> None:
+        """4.6 3). Said once for all that comes before the control listens again."""
+        if self._ignored_in is not state:
+            self._ignored_in = state
+            self._events.put(Violation(what=f"the host sent while {state.value}: ignored (4.6 3))"))
 
     # messages come in
 

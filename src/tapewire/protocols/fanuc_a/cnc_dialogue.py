@@ -74,8 +74,8 @@ class Dialogue(Turn):
         """The host's SYN: everything from the beginning, without the 2 s of power-on."""
         job = self._job
         if job.phase is Phase.READING and not job.safe:
-            # Not stated. What has come is the beginning of a program whose rest the host no longer knows.
-            if job.received:
+            # Not stated. After a GTD the host has been at a program whose rest it no longer knows.
+            if job.started:
                 job.finish(Outcome.FAILED, "the host began anew with SYN in the middle of the program")
             else:
                 job.link_down()

@@ -67,7 +67,7 @@ class Job:
         self.no_more = self._scanner.ended
 
     def link_down(self) -> None:
-        """The line is to be initialised anew; nothing of the program has come yet."""
+        """The line is to be initialised anew; nothing of the program has been asked for yet."""
         assert not self.received
         self.phase = Phase.WAITING
 
@@ -117,11 +117,13 @@ class Job:
             return
         if parameters.convert_from != parameters.convert_to:
             data = data.replace(bytes([parameters.convert_from]), bytes([parameters.convert_to]))
-        part = data[: self._scanner.feed(data)]
+        end = self._scanner.feed(data)
+        part, rest = data[:end], data[len(data) if end is None else end :]
         self._buffer += part
         assert len(self._buffer) <= BUFFER_BYTES
         self.received += len(part)
-        self._after_eor += len(data) - len(part)
+        if not (parameters.n and _is_padding(rest)):
+            self._after_eor += len(rest)
 
     def _ignore(self, count: int) -> None:
         """8.2: all data after EOR is ignored."""
@@ -204,3 +206,8 @@ class Job:
         end, self._end = self._end, None
         self.phase = Phase.NONE
         self._events.put(end)
+
+
+def _is_padding(data: bytes) -> bool:
+    """One byte over and over, which fills the last packet (5.2)."""
+    return not data.strip(data[:1])
