@@ -8,6 +8,7 @@ import os
 import queue
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -65,9 +66,9 @@ async def receive_program(path: Path, job: JobSettings, *, raw: bool = False, fo
     try:
         ended = await session.run(begin)
     except BaseException:
-        store.finish()
+        await store.finish()
         raise
-    store.finish(is_whole=ended.outcome is Outcome.COMPLETE)
+    await store.finish(is_whole=ended.outcome is Outcome.COMPLETE)
     session.report_progress()
     return store.result(_verdict(ended, store, backlog), session)
 
@@ -128,6 +129,7 @@ class _Store:
         self._reader = None if code in (None, DataCode.BINARY) else PunchReader(code, self._put)
         self._taken = 0
         self._written = 0
+        self._is_whole = False
         self._queue: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._work, name="tapewire-store", daemon=True)
         self._thread.start()
@@ -142,36 +144,56 @@ class _Store:
         self._queue.put(data)
 
     def _work(self) -> None:
-        while (data := self._queue.get()) is not None:
-            if self.error is None:
-                try:
-                    self._reader.feed(data) if self._reader is not None else self._put(data)
-                except OSError as error:
-                    self.error = error
-            self._written += len(data)
+        try:
+            while (data := self._queue.get()) is not None:
+                self._take(data)
+        finally:
+            self._finish_file()
             self.on_progress()
+
+    def _take(self, data: bytes) -> None:
+        if self.error is None:
+            try:
+                self._reader.feed(data) if self._reader is not None else self._put(data)
+            except OSError as error:
+                self.error = error
+        self._written += len(data)
+        self.on_progress()
 
     def _put(self, data: bytes) -> None:
         if not self._file.byte_count:
             self._file.begin()
         self._file.write(data)
 
-    def finish(self, *, is_whole: bool = False) -> None:
-        """Wait for the disk. A punch-out that is whole makes a file, even of no bytes."""
+    async def finish(self, *, is_whole: bool = False) -> None:
+        """Wait for the disk, which may take its time. A punch-out that is whole makes a file, even of no bytes."""
+        loop = asyncio.get_running_loop()
+        finished = asyncio.Event()
+
+        def tell() -> None:
+            with suppress(RuntimeError):  # nobody waits any more, and the loop has ended
+                loop.call_soon_threadsafe(finished.set)
+
+        self._is_whole, self.on_progress = is_whole, tell
         self._queue.put(None)
+        while self._thread.is_alive() and not self._file.closed:
+            await finished.wait()
+            finished.clear()
         self._thread.join()
+
+    def _finish_file(self) -> None:
         try:
             if self.error is None:
-                self._finish_text(is_whole)
+                self._finish_text()
         except OSError as error:
             self.error = error
         finally:
             self._file.close()
 
-    def _finish_text(self, is_whole: bool) -> None:
+    def _finish_text(self) -> None:
         if self._reader is not None:
             self.damage = self._reader.finish()
-        if is_whole and not self._file.byte_count:
+        if self._is_whole and not self._file.byte_count:
             self._file.begin()
         self._file.sync()
 

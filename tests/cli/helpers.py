@@ -1,0 +1,229 @@
+"""Real `tapewire` processes, and what must hold for each of them whatever it was told."""
+
+from __future__ import annotations
+
+import json
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from dataclasses import dataclass, field
+from io import StringIO
+from pathlib import Path
+from typing import IO, Any, Final
+
+import pytest
+
+from tapewire.cli import main
+from tapewire.cli.common import ENDING_SIGNALS
+
+DEADLINE_S: Final = 30.0
+"""Longer than any of these commands takes on a busy machine; nothing is ever measured against it."""
+
+FAST: Final = ("--baud", "921600")
+
+JsonObject = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Finished:
+    """What a command left behind."""
+
+    status: int
+    events: list[JsonObject]
+    stdout: str
+    stderr: str
+
+    @property
+    def end(self) -> JsonObject:
+        return self.events[-1]
+
+    def named(self, name: str) -> list[JsonObject]:
+        return [event for event in self.events if event["event"] == name]
+
+    @property
+    def outcome(self) -> tuple[int, str]:
+        return self.status, str(self.end["outcome"])
+
+
+class Command:
+    """A running `tapewire`. Its outputs are read by threads, so that it never waits for the test."""
+
+    def __init__(self, *words: object, largest_file: int | None = None) -> None:
+        self.words = [str(word) for word in words]
+        self.is_json = "--json" in self.words
+        self.process = subprocess.Popen(
+            [*(_limited(largest_file) if largest_file else []), sys.executable, "-m", "tapewire", *self.words],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self._lines: list[str] = []
+        self._arrivals: queue.Queue[JsonObject | None] = queue.Queue()
+        self._errors = ""
+        self._readers = [threading.Thread(target=work) for work in (self._read_output, self._read_errors)]
+        for reader in self._readers:
+            reader.start()
+
+    def _read_output(self) -> None:
+        for line in _piped(self.process.stdout):
+            self._lines.append(line)
+            if self.is_json:
+                self._arrivals.put(json.loads(line))
+        self._arrivals.put(None)
+
+    def _read_errors(self) -> None:
+        self._errors = "".join(_piped(self.process.stderr))
+
+    def wait_for(self, name: str, **fields: object) -> JsonObject:
+        """The next event called `name` with these fields."""
+        deadline = time.monotonic() + DEADLINE_S
+        while True:
+            event = self._arrivals.get(timeout=max(0.0, deadline - time.monotonic()))
+            assert event is not None, f"no {name} event before the end of {self}"
+            if event["event"] == name and fields.items() <= event.items():
+                return event
+
+    def wait_for_bytes(self, count: int) -> JsonObject:
+        """The first progress with at least `count` bytes."""
+        while (event := self.wait_for("progress"))["bytes"] < count:
+            pass
+        return event
+
+    @property
+    def port(self) -> int:
+        """The TCP port of a command that listens, or that has just been told to."""
+        return int(self.wait_for("ready")["line"].rpartition(":")[2])
+
+    def interrupt(self, number: signal.Signals = signal.SIGINT) -> None:
+        self.process.send_signal(number)
+
+    def finish(self) -> Finished:
+        """Wait for its end, and hold it against the rules of every command."""
+        try:
+            status = self.process.wait(DEADLINE_S)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            raise AssertionError(f"no end of {self}\n{''.join(self._lines)}{self._errors}") from None
+        for reader in self._readers:
+            reader.join(DEADLINE_S)
+        events = [json.loads(line) for line in self._lines] if self.is_json else []
+        return check(Finished(status, events, "".join(self._lines), self._errors), self.words)
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait(DEADLINE_S)
+        for reader in self._readers:
+            reader.join(DEADLINE_S)
+
+    def __str__(self) -> str:
+        return f"tapewire {' '.join(self.words)}"
+
+
+def invoke(*words: object) -> Finished:
+    """The same in this process, for what ends before a line is opened: many of them in the time of one."""
+    texts = [str(word) for word in words]
+    handlers = {number: signal.getsignal(number) for number in ENDING_SIGNALS}
+    output, errors = StringIO(), StringIO()
+    try:
+        with redirect_stdout(output), redirect_stderr(errors), pytest.raises(SystemExit) as ended:
+            main(texts, prog_name="tapewire")
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    assert isinstance(ended.value.code, int)
+    events = [json.loads(line) for line in output.getvalue().splitlines()] if "--json" in texts else []
+    return check(Finished(ended.value.code, events, output.getvalue(), errors.getvalue()), texts)
+
+
+def check(finished: Finished, words: list[str]) -> Finished:
+    """Hold a command against the rules of every command."""
+    for noise in ("Traceback", "Exception", "Warning"):
+        assert noise not in finished.stderr, f"{words}\n{finished.stderr}"
+    if "--json" in words:
+        check_stream(finished.events)
+    else:
+        assert finished.stdout == ""
+    return finished
+
+
+def _limited(largest_file: int) -> list[str]:
+    return ["bash", "-c", f'ulimit -f {largest_file // 1024}; exec "$@"', "bash"]
+
+
+def _piped(pipe: IO[str] | None) -> Iterator[str]:
+    assert pipe is not None
+    with pipe:
+        yield from pipe
+
+
+END_FIELDS: Final = {"outcome", "bytes", "bytes_handed", "sha256", "reason"}
+
+
+def check_stream(events: list[JsonObject]) -> None:
+    """Every line an object with its event and its moment; one end, which comes last."""
+    assert events, "nothing was said at all"
+    assert all(isinstance(event["event"], str) and isinstance(event["time_ns"], int) for event in events)
+    moments = [event["time_ns"] for event in events]
+    assert moments == sorted(moments)
+    assert abs(moments[-1] - time.time_ns()) < 3600 * 10**9, "not Unix time in nanoseconds"
+    assert [event["event"] for event in events].count("end") == 1
+    end = events[-1]
+    assert end["event"] == "end"
+    assert end.keys() >= END_FIELDS
+    assert end["outcome"] in ("complete", "cancelled", "failed")
+    assert 0 <= end["bytes"] <= end["bytes_handed"]
+    assert end["reason"]
+    assert "\n" not in end["reason"]
+    progress = [event["time_ns"] for event in events if event["event"] == "progress"]
+    crowded = [begin for begin, sixth in zip(progress, progress[5:], strict=False) if sixth - begin < 10**9]
+    assert not crowded, "more than five progress events within a second"
+
+
+@dataclass
+class Shop:
+    """Starts commands and ends them with the test, whatever became of it."""
+
+    folder: Path
+    commands: list[Command] = field(default_factory=list)
+
+    def start(self, *words: object, largest_file: int | None = None) -> Command:
+        """`largest_file` is in bytes, a multiple of 1024; what goes beyond it meets an error as on a full disk."""
+        command = Command(*words, largest_file=largest_file)
+        self.commands.append(command)
+        return command
+
+    def run(self, *words: object) -> Finished:
+        return self.start(*words).finish()
+
+    def file(self, name: str, content: bytes) -> Path:
+        path = self.folder / name
+        path.write_bytes(content)
+        return path
+
+    @property
+    def files(self) -> set[str]:
+        """What lies in the folder, without what was put there by `file` names beginning with `in`."""
+        return {path.name for path in self.folder.iterdir() if not path.name.startswith("in")}
+
+
+@contextmanager
+def open_shop(folder: Path) -> Iterator[Shop]:
+    shop = Shop(folder)
+    try:
+        yield shop
+    finally:
+        for command in shop.commands:
+            if command.process.poll() is None:
+                command.kill()
+
+
+def program(blocks: int, *, label: bool = True) -> bytes:
+    """A program that goes out as it is."""
+    body = b"".join(b"N%dG01X%d.5Y-%d.25\n" % (number, number, number % 90) for number in range(1, blocks + 1))
+    return (b"%\n" if label else b"") + b"O0001(TEST)\n" + body + b"M30\n%"
