@@ -68,6 +68,10 @@ class Link:
         self._drive_signals(now)
         self._recall(now)
         self._send(now)
+        # Asked last of all: what is reported as gone may let the engine say more, and a queue that has emptied since
+        # the report above would otherwise have nobody come back for it.
+        while self._report_left(now):
+            self._send(now)
         self._drain(now)
 
     def next_deadline(self) -> Nanos | None:
@@ -97,13 +101,16 @@ class Link:
                     self.closed = True
                     engine.receive_closed(closure, reason, now)
 
-    def _report_left(self, now: Nanos) -> None:
+    def _report_left(self, now: Nanos) -> bool:
+        """True when there was something to report."""
         if self.closed or self._reported_left == self.characters_sent:
-            return
+            return False
         left = self.characters_sent - self.transport.in_flight(now)
-        if left > self._reported_left:
-            count, self._reported_left = left - self._reported_left, left
-            self.engine.data_left(count, now)
+        if left <= self._reported_left:
+            return False
+        count, self._reported_left = left - self._reported_left, left
+        self.engine.data_left(count, now)
+        return True
 
     def _drive_signals(self, now: Nanos) -> None:
         signals = self.engine.signals
