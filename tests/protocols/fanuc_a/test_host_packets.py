@@ -99,6 +99,8 @@ class Test51:
         source.data, source.closed = SHORT[5:], True
         assert numbers(bench.packets(bench.wait(2))) == "FF"
         assert bench.wait(3.1) == b"07SYN\r"
+        assert bench.all(Ended) == []
+        assert bench.wait(3.1) == b"07SYN\r"
         assert bench.ended.outcome is Outcome.FAILED
 
 
@@ -373,8 +375,17 @@ class TestDamage:
         bench = expansion()
         bench.streaming(SHORT)
         bench.say_raw(b"\x15035\r")
-        assert bench.wait(5).startswith(b"07SYN\r")
+        assert bench.wait(7) == b"07SYN\r" * 2
         assert bench.ended.outcome is Outcome.FAILED
+
+    def test_a_character_of_the_end_packet_was_lost(self) -> None:
+        """The SYN that ends the silence completes the packet for a control that waits for its last character."""
+        bench = expansion()
+        end = bench.packets(bench.streaming(SHORT))
+        assert bench.wait(3.1) == b"07SYN\r"
+        assert bench.packets(bench.monitor(Monitor.NAK, 0x30)) == end
+        bench.sat(BufferState.OPERATING, 0)
+        assert bench.ended.outcome is Outcome.COMPLETE
 
     def test_monitor_packets_outside_of_packets(self) -> None:
         bench = expansion()

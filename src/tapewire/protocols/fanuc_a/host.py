@@ -356,6 +356,7 @@ class FanucAHost(HostLine):
     def _begin_program(self, why: str) -> None:
         self._fresh = False
         self._told.discard("unserved")
+        self._nudged = False
         self._events.put(Requested())
         self._events.put(Started(why=why))
 

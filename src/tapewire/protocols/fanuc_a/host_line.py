@@ -76,6 +76,7 @@ class HostLine(ABC):
         self._high = 0
         self._told: set[str] = set()
         self._canned = False
+        self._nudged = False
         self._answer: Command | None = None
         self._ending: Ended | None = None
         if params.first is First.HOST:
@@ -270,8 +271,18 @@ class HostLine(ABC):
         if "silence" not in self._told:
             self._told.add("silence")
             self._events.put(Violation(what="the control is silent: SYN"))
+        if self._state is State.AWAITING and not self._nudged:
+            self._nudge()
+            return
         self._interrupt(Outcome.FAILED, "the control was silent for longer than Tp + Tx", now)
         self._begin_anew()
+        self._exchange.say(Message(command=Command.SYN))
+
+    def _nudge(self) -> None:
+        """A control that lost a character of the end packet waits for the last one. Whatever it hears now completes
+        the packet, and it draws NAK; one that is not among packets obeys the SYN, and the job ends as failed.
+        """
+        self._nudged = True
         self._exchange.say(Message(command=Command.SYN))
 
     def _begin_anew(self) -> None:
