@@ -138,9 +138,10 @@ class Bench:
         return self.messages.pop().command
 
     def silent(self, seconds: float = 0.2) -> bool:
+        """No message waits to be read, and nothing is said for `seconds`."""
         before = len(self.out)
         self.run(seconds)
-        return len(self.out) == before
+        return len(self.out) == before and not self.messages
 
     def status(self) -> Status:
         """Of the one SAT said since the last call."""

@@ -77,6 +77,19 @@ def test_rty_waits_until_the_rest_of_a_message_cut_by_noise_has_come() -> None:
     assert bench.take() == PROGRAM
 
 
+def test_an_answer_that_comes_after_noise_needs_no_rty() -> None:
+    bench = Bench().asked().receive(b"\x55\r").answer(C.DAT, PROGRAM)
+    assert bench.take() == PROGRAM
+    assert bench.next(1) is C.GTD
+
+
+def test_what_came_before_the_control_speaks_does_not_spoil_the_answer() -> None:
+    bench = Bench().ready().receive(b"\x55\x55").run(5.1)
+    bench.messages.clear()
+    bench.answer(C.SET)
+    assert bench.silent(1)
+
+
 def test_4_6_2_1_more_than_ne_checksum_errors_are_alarm_state_cause_1() -> None:
     bench = Bench().asked(ne=2)
     for _ in range(2):
@@ -235,6 +248,7 @@ def test_sr946_a_damaged_character(fault: LineFault) -> None:
 @pytest.mark.parametrize("signal", ["dsr", "cd"])
 def test_sr855_dr_or_cd_off_during_transmission(signal: str) -> None:
     bench = Bench().signals().asked().answer(C.DAT, b"\nX")
+    assert bench.next() is C.GTD
     bench.signals(**{signal: False})
     assert bench.alarms == ["SR855"]
     assert bench.ended_as(Outcome.FAILED, "SR855")
@@ -245,6 +259,10 @@ def test_cd_that_was_never_on_has_no_wire() -> None:
     bench = Bench().signals(cd=False).asked()
     bench.signals(cd=False, cts=False)
     assert bench.alarms == []
+
+
+def test_cd_that_is_off_when_the_line_first_reports_has_no_wire_either() -> None:
+    assert Bench().asked().signals(cd=False).alarms == []
 
 
 def test_dr_off_while_idle_is_no_alarm_but_an_open_line() -> None:
@@ -317,6 +335,11 @@ def test_syn_before_the_first_gtd_lets_the_operation_wait() -> None:
     bench.messages.clear()
     bench.answer(C.SET)
     assert bench.next() is C.GTD
+
+
+def test_syn_when_the_whole_program_is_here_leaves_it_in_the_buffer() -> None:
+    bench = Bench().asked().answer(C.DAT, PROGRAM).answer(C.SYN)
+    assert bench.take() == PROGRAM
 
 
 def test_a_program_that_is_here_as_a_whole_is_read_whatever_the_line_does() -> None:

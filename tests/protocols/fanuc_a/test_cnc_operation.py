@@ -46,7 +46,8 @@ def test_4_3_5_rs_goes_off_when_only_no_bytes_still_fit() -> None:
     assert bench.engine.signals.rts
     bench.receive(LONG[RS_OFF_AT - 1 : RS_OFF_AT])
     assert not bench.engine.signals.rts
-    assert bench.silent(600), "To does not run while the control holds the host"
+    assert bench.silent(600)
+    assert bench.alarms == [], "To does not run while the control holds the host"
 
 
 def test_4_3_5_rs_goes_on_when_more_than_nb_is_free_again() -> None:

@@ -156,7 +156,7 @@ def test_5_2_2_b_a_lone_errored_end_packet_is_asked_for_as_30h() -> None:
     assert bench.take() == PROGRAM
 
 
-def test_15_6_behind_an_errored_effective_packet_the_end_packet_is_stale() -> None:
+def test_behind_an_errored_effective_packet_the_end_packet_is_stale() -> None:
     bench = packets().receive(good(0)).receive(bad(good(1))).receive(last())
     assert bench.monitors() == nak(0x31)
     assert bench.state is State.PACKETS
@@ -315,6 +315,13 @@ def test_5_4_6_an_error_in_the_interruption_is_asked_for_when_there_is_room_in_p
     assert bench.engine.buffered == (index + 1) * 256 - 4096
 
 
+def test_a_packet_that_is_found_after_all_in_the_interruption_is_not_asked_for() -> None:
+    bench, index = until_dc3()
+    bench.receive(b"7" + good(index))
+    bench.take()
+    assert bench.monitors() == DC1
+
+
 def test_dc3_that_has_not_begun_to_leave_and_dc1_undo_each_other() -> None:
     bench = packets()
     bench.signals(cts=False)
@@ -346,6 +353,12 @@ def test_5_4_7_to_from_packet_to_packet() -> None:
     assert bench.alarms == []
     bench.run(0.2)
     assert bench.alarms == ["SR944"]
+
+
+def test_5_4_7_a_monitor_packet_does_not_begin_to_anew() -> None:
+    bench = packets().signals(cts=False).receive(bad(good(0))).run(15).signals()
+    assert bench.monitors() == nak(0x30)
+    assert bench.run(5.1).alarms == ["SR944"]
 
 
 @pytest.mark.parametrize(("in_hold", "alarms"), [(Switch.OFF, []), (Switch.ON, ["SR944"])])
@@ -428,6 +441,11 @@ def test_a_host_that_did_not_get_the_gtd_may_say_rty() -> None:
     assert bench.next() is C.GTD
     bench.receive(good(0))
     assert bench.engine.buffered == 256
+
+
+def test_rty_behind_the_first_packet_is_not_understood() -> None:
+    bench = packets().receive(good(0)).answer(C.RTY, b"1")
+    assert bench.silent(1)
 
 
 def test_syn_at_the_place_of_a_packet_begins_anew() -> None:

@@ -1,15 +1,18 @@
 """The control's end of protocol A and expansion A (B-63322EN-1 chapters 4, 5 and 8): the remote buffer.
 
-     2.000  cnc   SYN
-     2.003  host  SYN
-     2.106  cnc   RDY
-     2.109  host  RDY
-     2.212  cnc   SAT operating, 0 stored
-     2.900  host  SET Ti=0 Tx=0
-     2.900  cnc   GTD
-     2.903  host  DAT  23 bytes  "%\\nO0001\\nG91..."
-     2.920  cnc   GTD
-     2.923  host  EOD
+     2.053  cnc   SYN
+     2.057  host  SYN
+     2.210  cnc   RDY
+     2.214  host  RDY
+     2.959  cnc   SAT operating, 0 stored
+     2.995  host  SET Nb=4000 No=512 Tp=2 Ti=0 Tx=0 Tw=1
+     2.998  cnc   GTD
+     3.019  host  DAT
+     3.019  host  30 bytes  "%\\nO0001\\nG91 ..."
+     3.022  cnc   GTD
+     3.026  host  EOD
+     5.061  cnc   SAT reset, 0 stored
+     5.065  host  SET
 
 The control speaks and the host answers, one message each. Only in expansion A does the host send packets as long as it
 likes, from a GTD to its end packet.

@@ -132,7 +132,7 @@ class Job:
             self.no_more = True
         if self.safe:
             self._after_eor += count
-        elif count:
+        elif count and self.phase is Phase.NONE:
             self._events.put(Violation(what="NC data that no program is read from: ignored", count=count))
 
     def take(self, count: int, *, connected: bool) -> bytes:

@@ -119,7 +119,7 @@ class PacketSession:
             return packet.number == self._expected
         if not self._awaiting or self._end_was_bad:
             return True
-        # Decided (15.6): behind a bad effective packet FFh is stale too. Only where the host goes through packets
+        # Not stated: behind a bad effective packet FFh is stale too. Only where the host goes through packets
         # again that are here already may FFh follow the last of them.
         return self._rewinding and self._last_stale is not None and next_number(self._last_stale) == self._expected
 
