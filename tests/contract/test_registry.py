@@ -26,7 +26,7 @@ def test_every_setting_says_what_it_means(entry: ProtocolEntry) -> None:
 
 @every_protocol
 def test_an_unknown_setting_is_refused_with_the_names_there_are(entry: ProtocolEntry) -> None:
-    with pytest.raises(UsageError, match=r"no setting 'nonsense'; the settings are .*data"):
+    with pytest.raises(UsageError, match=r"no setting 'nonsense'; the settings of the host are .*data"):
         entry.params({"nonsense": "1"}, End.HOST)
 
 

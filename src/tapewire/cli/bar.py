@@ -26,6 +26,9 @@ class Bar:
             TextColumn("{task.fields[figures]}"),
             console=self._console,
             auto_refresh=False,
+            # Else --json would be drawn into the bar.
+            redirect_stdout=False,
+            redirect_stderr=False,
         )
         self._task = self._progress.add_task(title, total=None, state="waiting", figures="", start=False)
         self._progress.start()

@@ -7,7 +7,6 @@ import math
 import signal
 import sys
 from collections.abc import Awaitable, Callable
-from contextlib import suppress
 from typing import Any, Final, TypeVar
 
 import click
@@ -128,21 +127,24 @@ def _presenters(title: str, counted: str, as_json: bool) -> list[Presenter]:
 async def _run(output: Output, job: Callable[[Output, asyncio.Event], Awaitable[Result]]) -> tuple[Result, bool]:
     stop = asyncio.Event()
     stop_on_signals(stop)
-    result = await job(output, stop)
+    try:
+        result = await job(output, stop)
+    finally:
+        _ignore_signals()
     return result, stop.is_set()
 
 
 def stop_on_signals(stop: asyncio.Event) -> None:
-    """Ctrl-C, SIGTERM and a closed terminal set `stop` from now on. Called inside a running loop.
-
-    The loop's own handlers would end with the loop, and a second Ctrl-C would then break into the last words.
-    """
+    """Ctrl-C, SIGTERM and a closed terminal set `stop` from now on. Called inside a running loop."""
     loop = asyncio.get_running_loop()
-
-    def on_signal(number: int, frame: object) -> None:
-        with suppress(RuntimeError):  # the loop has ended, and the job with it
-            loop.call_soon_threadsafe(stop.set)
-
     for number in ENDING_SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN or number is signal.SIGINT:
-            signal.signal(number, on_signal)
+            loop.add_signal_handler(number, stop.set)
+
+
+def _ignore_signals() -> None:
+    """The job is over: a second Ctrl-C would only break into the command's last words and spoil its exit status."""
+    loop = asyncio.get_running_loop()
+    for number in ENDING_SIGNALS:
+        loop.remove_signal_handler(number)
+        signal.signal(number, signal.SIG_IGN)

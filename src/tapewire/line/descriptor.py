@@ -138,6 +138,8 @@ class DescriptorLine:
         self._now: Nanos = 0
         self._room = 0
         self._unsent = bytearray()
+        self._patience = 0
+        """Characters the kernel may hold beyond the model of the line before they count as stuck."""
         self._behind = False
         """At the last look the kernel held more than the model of the line says: it must be looked at again, even if
         the kernel has got rid of it since."""
@@ -192,10 +194,18 @@ class DescriptorLine:
 
     def in_flight(self, now: Nanos) -> int:
         """By the model of a line at its rate, and at least what the kernel and this end still hold."""
-        held = 0 if self._fd is None or self._ended else self._queued(self._fd) + len(self._unsent)
-        by_model = self._tx.in_flight(now)
+        held, by_model = self._held() - self._patience, self._tx.in_flight(now)
         self._behind = held > by_model
         return max(by_model, held)
+
+    def on_its_way(self, now: Nanos) -> int:
+        """What the kernel and this end still hold. The FIFO of a UART (16 characters) cannot be asked."""
+        held = self._held()
+        self._behind = self._behind or held > 0
+        return held
+
+    def _held(self) -> int:
+        return 0 if self._fd is None or self._ended else self._queued(self._fd) + len(self._unsent)
 
     def discard(self, now: Nanos) -> int:
         """Call back what the kernel did not take, and of what it took as much as this kind of line can."""

@@ -41,8 +41,11 @@ class Program:
                 return cls._spooled(Path(path).name, file, code, raw)
         except ProgramError as error:
             raise ProgramError(f"{path}: {error}", line=error.line, column=error.column) from None
-        except OSError as error:
-            raise UsageError(f"{path}: cannot be read ({error.strerror})") from None
+        except UsageError:
+            raise
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else error
+            raise UsageError(f"{path}: cannot be read ({reason})") from None
 
     @classmethod
     def _spooled(cls, name: str, file: IO[bytes], code: DataCode, raw: bool) -> Program:

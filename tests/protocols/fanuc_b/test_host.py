@@ -225,19 +225,21 @@ def test_abort_calls_back_what_has_not_left_and_sends_no_eor() -> None:
     rig = Rig()
     rig.hear(DC1)
     rig.take(1000)
+    rig.wait(SECOND)
     rig.hand_over(200)
     rig.host.abort(rig.now)
     assert rig.host.data_to_send(100) == b""
     rig.recall(150)
     rig.leave()
     assert rig.end is not None
-    assert (rig.end.outcome, rig.end.bytes_low, rig.end.bytes_high) == (Outcome.CANCELLED, 1050, 1050)
+    assert (rig.end.outcome, rig.end.bytes_low, rig.end.bytes_high) == (Outcome.CANCELLED, 1000, 1050)
 
 
 def test_abort_on_a_stuck_line_says_between_which_two_counts_the_control_stands() -> None:
     rig = Rig()
     rig.hear(DC1)
     rig.take(1000)
+    rig.wait(SECOND)
     rig.hand_over(200)
     rig.host.abort(rig.now)
     rig.recall(150)
