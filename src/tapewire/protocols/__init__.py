@@ -11,7 +11,7 @@ from typing import Any, Final, TypeAlias
 from tapewire.codes import DataCode
 from tapewire.engine import CncEngine, HostEngine
 from tapewire.errors import UsageError
-from tapewire.protocols import fanuc_b
+from tapewire.protocols import fanuc_a, fanuc_b
 from tapewire.protocols.settings import End
 
 __all__ = ["PROTOCOLS", "ProtocolEntry", "Reader", "protocol"]
@@ -48,12 +48,41 @@ class ProtocolEntry:
         return code
 
 
+def _fanuc_a_words(params: fanuc_a.Params) -> tuple[Reader, Reader]:
+    words = fanuc_a.Words(params)
+    return words.host, words.control
+
+
 def _fanuc_b_words(params: fanuc_b.Params) -> tuple[Reader, Reader]:
     words = fanuc_b.Words(params.data)
     return words.host, words.control
 
 
 _ENTRIES: Final = (
+    ProtocolEntry(
+        name="fanuc-a",
+        title="FANUC remote buffer, protocol A",
+        clause="B-63322EN-1 chapter 4",
+        baud=19200,
+        punches_out=False,
+        record=fanuc_a.Params,
+        params=fanuc_a.Params.for_protocol_a,
+        host=fanuc_a.FanucAHost,
+        cnc=fanuc_a.FanucACnc,
+        words=_fanuc_a_words,
+    ),
+    ProtocolEntry(
+        name="fanuc-a-expansion",
+        title="FANUC remote buffer, expansion protocol A",
+        clause="B-63322EN-1 chapter 5",
+        baud=86400,
+        punches_out=False,
+        record=fanuc_a.Params,
+        params=fanuc_a.Params.for_expansion_a,
+        host=fanuc_a.FanucAHost,
+        cnc=fanuc_a.FanucACnc,
+        words=_fanuc_a_words,
+    ),
     ProtocolEntry(
         name="fanuc-b",
         title="FANUC remote buffer, protocol B",

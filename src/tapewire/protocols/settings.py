@@ -45,13 +45,15 @@ def setting(
     key: str | None = None,
     unit: str = "",
     limits: tuple[float, float] | None = None,
+    control: Any = None,
 ) -> Any:
     """A dataclass field that `--set` can reach.
 
     `default` gives the type: a StrEnum member offers its words, an int or a float is a number in `unit` within
-    `limits`. `why` is one sentence for the manual: what it means and why this default.
+    `limits`. `why` is one sentence for the manual: what it means and why this default. `control` is the default at
+    the control's end where it is another than the host's.
     """
-    metadata = {"why": why, "end": end, "key": key, "unit": unit, "limits": limits}
+    metadata = {"why": why, "end": end, "key": key, "unit": unit, "limits": limits, "control": control}
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -61,7 +63,8 @@ def parse_settings(record: type[Record], settings: Mapping[str, str], end: End, 
     Raises UsageError for a key that is unknown or belongs to the other end, and for a value out of its range.
     """
     fields = {_key(field): field for field in _settable(record)}
-    values = dict(fixed)
+    values = _defaults_of_control(record) if end is End.CONTROL else {}
+    values |= fixed
     for key, text in settings.items():
         field = fields.get(key)
         if field is None:
@@ -74,11 +77,27 @@ def parse_settings(record: type[Record], settings: Mapping[str, str], end: End, 
 
 
 def describe_settings(record: type[DataclassInstance]) -> list[tuple[str, str, str, str, str]]:
-    """(key, values, default, end, why) of every setting, in the order of declaration: the table of the manual."""
+    """(key, values, default, end, why) of every setting, in the order of declaration: the table of the manual.
+
+    A setting whose default is not the same at both ends has a row for each.
+    """
     return [
-        (_key(field), _values(field), _word(field.default), str(field.metadata["end"]), field.metadata["why"])
+        (_key(field), _values(field), _word(default), str(end), field.metadata["why"])
         for field in _settable(record)
+        for end, default in _ends(field)
     ]
+
+
+def _ends(field: dataclasses.Field[Any]) -> tuple[tuple[End, object], ...]:
+    control = field.metadata["control"]
+    if control is None:
+        return ((field.metadata["end"], field.default),)
+    return ((End.HOST, field.default), (End.CONTROL, control))
+
+
+def _defaults_of_control(record: type[DataclassInstance]) -> dict[str, Any]:
+    defaults = {field.name: field.metadata["control"] for field in _settable(record)}
+    return {name: default for name, default in defaults.items() if default is not None}
 
 
 def _settable(record: type[DataclassInstance]) -> Iterable[dataclasses.Field[Any]]:
