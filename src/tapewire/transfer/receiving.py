@@ -200,6 +200,8 @@ class _Store:
         finally:
             with self._ending:
                 self.is_abandoned = not self._is_done
+        if not self.is_abandoned:
+            self._thread.join()
 
     def close(self) -> None:
         with self._ending:
