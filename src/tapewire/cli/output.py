@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import os
 import queue
 import re
 import sys
@@ -36,7 +37,7 @@ from tapewire.transfer.reports import Progress, Ready, Report, Result, StopDista
 if TYPE_CHECKING:
     from tapewire.cli.bar import Bar
 
-__all__ = ["JsonLines", "Output", "PeopleLines", "Presenter", "json_end", "summary"]
+__all__ = ["JsonLines", "Output", "PeopleLines", "Presenter", "give_up_unwritable_output", "json_end", "summary"]
 
 WAITING_REPORTS: Final = 2000
 """More than this many unwritten reports: nobody reads, and further ones are dropped."""
@@ -118,6 +119,18 @@ class _Desk:
         except (OSError, ValueError):
             return False
         return True
+
+
+def give_up_unwritable_output() -> None:
+    """When stdout takes nothing any more (a full disk, a reader that is gone), what is left for it goes nowhere:
+    Python would try again when it exits, and complain.
+    """
+    try:
+        sys.stdout.flush()
+    except OSError:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
 
 
 def _event_name(report: object) -> str:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import shutil
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Final
 
@@ -34,7 +34,7 @@ class Program:
     def from_file(cls, path: str | Path, code: DataCode = DataCode.ASCII, *, raw: bool = False) -> Program:
         """The program in the file `path`, prepared for a control that reads `code`; untouched when `raw`.
 
-        Raises ProgramError when it cannot be sent as it is, UsageError when the file cannot be read.
+        Raises ProgramError when it cannot be sent as it is, UsageError when the file cannot be read or kept.
         """
         try:
             with open(path, "rb") as file:
@@ -51,11 +51,13 @@ class Program:
     def _spooled(cls, name: str, file: IO[bytes], code: DataCode, raw: bool) -> Program:
         spool: IO[bytes] = tempfile.SpooledTemporaryFile(IN_MEMORY_BYTES)  # noqa: SIM115 - the program owns it
         try:
+            keep = _keeping(spool)
             if raw:
-                shutil.copyfileobj(file, spool)
+                while chunk := file.read(CHUNK_BYTES):
+                    keep(chunk)
                 spool.seek(0)
                 return cls(name, spool, (), inspect_raw(spool.read, code).notes)
-            return cls(name, spool, prepare(file.read, spool.write, code).changes, ())
+            return cls(name, spool, prepare(file.read, keep, code).changes, ())
         except BaseException:
             spool.close()
             raise
@@ -80,3 +82,18 @@ class Program:
 
     def close(self) -> None:
         self._spool.close()
+
+
+def _keeping(spool: IO[bytes]) -> Callable[[bytes], int]:
+    """Writes to `spool`, and knows where that is. Raises UsageError when there is no room."""
+
+    def keep(data: bytes) -> int:
+        try:
+            return spool.write(data)
+        except OSError as error:
+            raise UsageError(
+                f"{tempfile.gettempdir()}: a program this long is kept there while it is sent, and cannot be"
+                f" ({error.strerror}); make room, or name another folder in TMPDIR"
+            ) from None
+
+    return keep
