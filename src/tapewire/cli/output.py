@@ -125,6 +125,8 @@ def give_up_unwritable_output() -> None:
     """When stdout takes nothing any more (a full disk, a reader that is gone), what is left for it goes nowhere:
     Python would try again when it exits, and complain.
     """
+    if sys.stdout is None:
+        return
     try:
         sys.stdout.flush()
     except OSError:
