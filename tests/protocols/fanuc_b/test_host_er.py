@@ -25,6 +25,7 @@ def test_6_4_1_without_posting_a_falling_er_ends_the_job() -> None:
     rig.see()
     rig.hear(DC1)
     rig.take(8000)
+    rig.wait(SECOND)
     rig.hear(DC3)
     rig.wait(SECOND)
     rig.see(dsr=False)

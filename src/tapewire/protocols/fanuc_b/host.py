@@ -86,7 +86,7 @@ class FanucBHost:
         self._reception: Reception | None = None
         self._pause_wanted = self._pause_told = False
         self._ending: tuple[Outcome, str] | None = None
-        self._certain: int | None = None
+        self._certain = 0
 
     # the application's side
 
@@ -131,7 +131,6 @@ class FanucBHost:
 
     @property
     def needs_stop_distance(self) -> int:
-        """6.3, chapter 7."""
         return self._params.limits.overrun
 
     # from the line
@@ -339,6 +338,7 @@ class FanucBHost:
             self._end(Outcome.FAILED, f"DC3 before the buffer can have filled: {LOOKS_LIKE_RESET}", now)
             return
         self._state = State.HELD
+        self._certain = self._delivery.certain(now)
         self._held_by_damage = False
         self._timers.stop(Timer.DAMAGED)
         self._events.put(Held(why="DC3"))
@@ -476,7 +476,8 @@ class FanucBHost:
         """The job is over. One that is whole waits for its last byte to leave; any other calls back what it can."""
         self._timers.stop_all()
         self._ending = outcome, reason
-        self._certain = self._delivery.certain(now)
+        if self._state is not State.HELD or self._held_by_damage:
+            self._certain = self._delivery.certain(now)
         self._state = State.LEAVING
         self._ahead = b""
         self._pause_wanted = self._pause_told = False
@@ -494,7 +495,6 @@ class FanucBHost:
         self._state = State.IDLE
         low = high = self.progress
         if self._reception is None and outcome is not Outcome.COMPLETE:
-            left = max(0, high - self._delivery.in_flight)
-            low = left if self._certain is None else min(left, self._certain)
+            low = max(0, min(self._certain, high - self._delivery.in_flight))
         self._source = None
         self._events.put(Ended(outcome=outcome, reason=reason, bytes_low=low, bytes_high=high))
