@@ -35,6 +35,15 @@ CASES: tuple[tuple[str, str, int, dict[str, str]], ...] = (
 )
 
 
+ABOUT = """\
+Program bytes x 11 / baud over the time from the first answer to the last byte, as a share of the line, beside what the
+protocol's own formula allows; the first DAT waits for no Tx, hence a little over 100 %. The last packet's padding
+counts as lost. Real time: two processes, median (minimum to maximum) of {runs} runs of {size:,} bytes, in percent of
+what is allowed.
+
+"""
+
+
 def allowed(name: str, baud: int, settings: dict[str, str]) -> float:
     """Share of the line that can be program, by the formula of the protocol."""
     if name == "fanuc-a-expansion":
@@ -89,11 +98,7 @@ def main() -> None:
             [title, str(baud), f"{bound:.2%}", f"{exact:.2%}", f"{exact / bound:.2%}", real["TCP"], real["pty"]]
         )
         print(rows[-1], flush=True)
-    text = (
-        "Program bytes x 11 / baud over the time from the first answer to the last byte, as a share of the line, "
-        "beside what the protocol's own formula allows; the first DAT waits for no Tx, hence a little over 100 %. The last packet's padding counts as lost. Real time: two processes, "
-        f"median (minimum to maximum) of {RUNS} runs of {REAL_SIZE:,} bytes, in percent of what is allowed.\n\n"
-    )
+    text = ABOUT.format(runs=RUNS, size=REAL_SIZE)
     head = [
         "what",
         "baud",

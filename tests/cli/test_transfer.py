@@ -34,7 +34,8 @@ def start(
     shop: Shop, line: Line, *, host: list[object], cnc: list[object], link: str = "in-line"
 ) -> tuple[Command, Command]:
     """(host, cnc) on one line, once its maker says that it is there."""
-    words = {"host": [*host, "--set", "notice_time=0.1"], "cnc": ["cnc", *cnc]}
+    sooner = [] if {"fanuc-a", "fanuc-a-expansion"} & set(host) else ["--set", "notice_time=0.1"]
+    words = {"host": [*host, *sooner], "cnc": ["cnc", *cnc]}
     path = shop.folder / link
     here = "listen://127.0.0.1:0" if line.kind == "tcp" else f"pty:{path}"
     maker = shop.start(*words[line.maker], "--line", here, "--json")

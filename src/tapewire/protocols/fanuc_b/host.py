@@ -81,8 +81,7 @@ class FanucBHost:
         self._recall = False
         self._delivery = Delivery(params.limits)
         self._source: Source | None = None
-        self._ahead = b""
-        self._exhausted = False
+        self._ahead, self._exhausted = b"", False
         self._reception: Reception | None = None
         self._pause_wanted = self._pause_told = False
         self._ending: tuple[Outcome, str] | None = None
@@ -231,7 +230,7 @@ class FanucBHost:
 
     @property
     def signals(self) -> SignalsOut:
-        """ON throughout, but for a pause by CS: with them OFF the control posts nothing (6.1.2) or alarms (3.2)."""
+        """ON, but for a pause by CS: with them OFF the control posts nothing (6.1.2) or alarms (3.2)."""
         return SignalsOut(rts=self._pause_by_code or not self._pause_wanted)
 
     # time and what happened
