@@ -1,4 +1,4 @@
-"""Where the figures go: one section of docs/performance.md a benchmark, written by the benchmark itself."""
+"""Where the figures go: one section of docs/performance.md, or of another page, a benchmark, written by itself."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from pathlib import Path
 PAGE = Path(__file__).parent.parent / "docs" / "performance.md"
 
 
-def write_section(name: str, title: str, text: str) -> None:
+def write_section(name: str, title: str, text: str, page_path: Path = PAGE) -> None:
     """Print `text` and put it into its place in the page; a new section goes to the end."""
     machine = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
     body = f"## {title}\n\n{text.strip()}\n\n*Measured {datetime.now(UTC).date().isoformat()} on {machine}.*\n"
     print(body)
     block = f"<!-- begin {name} -->\n{body}<!-- end {name} -->\n"
-    page = PAGE.read_text()
+    page = page_path.read_text()
     pattern = re.compile(rf"<!-- begin {name} -->\n.*?<!-- end {name} -->\n", re.DOTALL)
-    PAGE.write_text(pattern.sub(lambda _: block, page) if pattern.search(page) else f"{page.rstrip()}\n\n{block}")
+    page_path.write_text(pattern.sub(lambda _: block, page) if pattern.search(page) else f"{page.rstrip()}\n\n{block}")
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

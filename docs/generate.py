@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import inspect
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -26,7 +27,7 @@ from tapewire.cli import main as command_line
 from tapewire.codes import name_of
 from tapewire.engine import MILLISECOND, SECOND
 from tapewire.line.pacing import WINDOW_BAUD_PER_CHARACTER, default_window
-from tapewire.protocols import PROTOCOLS, bridgeport, delivery
+from tapewire.protocols import PROTOCOLS, bridgeport, delivery, fanuc_a
 from tapewire.protocols.bridgeport import cnc as bridgeport_cnc
 from tapewire.protocols.bridgeport import cnc_law as bridgeport_cnc_law
 from tapewire.protocols.bridgeport import host as bridgeport_host
@@ -43,6 +44,22 @@ from tapewire.protocols.bridgeport import messages as bridgeport_messages
 from tapewire.protocols.bridgeport.code_table import ROLES, hex_of
 from tapewire.protocols.bridgeport.profile import CODE_KEYS, LINK_CONFIDENCE, RECONSTRUCTION
 from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, DncEnd, lrc_of
+from tapewire.protocols.fanuc_a import (
+    cnc_dialogue,
+    cnc_job,
+    cnc_packets,
+    host_agreement,
+    host_exchange,
+    host_line,
+    host_packets,
+    host_streaming,
+    packets,
+    status,
+)
+from tapewire.protocols.fanuc_a import cnc_law as a_cnc_law
+from tapewire.protocols.fanuc_a import host_law as a_host_law
+from tapewire.protocols.fanuc_a import messages as a_messages
+from tapewire.protocols.fanuc_a.messages import Command
 from tapewire.protocols.fanuc_b import cnc, cnc_law, host, host_delivery, host_law, messages
 from tapewire.protocols.fanuc_b.messages import EXPANSION_B, PROTOCOL_B, CodeSystem, ControlCode, Params, encode
 from tapewire.protocols.settings import describe_settings
@@ -221,6 +238,10 @@ def _settings(settings: Iterable[tuple[str, str, str, str, str]]) -> str:
     return _table(("key", "values", "default", "end", "meaning"), rows)
 
 
+def _settings_of(record: type[Any]) -> str:
+    return _settings(describe_settings(record))
+
+
 def _states(states: type[Enum]) -> str:
     said = _members_said(states)
     return _table(
@@ -277,7 +298,7 @@ def _constants(*modules: ModuleType) -> str:
 
 def _quantity(module: ModuleType, name: str) -> str:
     value: int = getattr(module, name)
-    if "Nanos" not in str(module.__annotations__[name]):
+    if not re.search(rf"^{name}: Final.*\b(MILLI)?SECOND\b", inspect.getsource(module), re.M):
         return f"{value}"
     return f"{value / SECOND:g} s" if value >= SECOND else f"{value / MILLISECOND:g} ms"
 
@@ -352,6 +373,175 @@ def _profile() -> str:
     return _block((Path(profile.__file__).parent / "reconstruction.toml").read_text(), "toml")
 
 
+# protocol A
+
+
+def _commands() -> str:
+    """The table of 4.4.1: who sends it, what the host may answer, what its data is."""
+    said = _members_said(Command)
+    rows = [
+        (
+            command.name,
+            a_messages.ORIGINS[command],
+            said[command.name],
+            _command_names(a_messages.ANSWERS.get(command, frozenset())),
+            _data_of(command),
+        )
+        for command in Command
+    ]
+    return _table(("command", "from", "meaning", "the host may answer", "data"), rows)
+
+
+def _command_names(commands: AbstractSet[Command]) -> str:
+    return " ".join(command.name for command in Command if command in commands)
+
+
+def _data_of(command: Command) -> str:
+    match command:
+        case Command.DAT:
+            return f"NC data, at most {a_messages.LONGEST_DAT} bytes, and at most Nb - No"
+        case Command.SAT:
+            return "state, stored, parameters: 56 or 72 positions"
+        case Command.SET:
+            return "parameters: 56 or 72 positions, or none"
+        case Command.RTY:
+            reasons = (f"{reason.value.decode()} {reason.name.lower()}" for reason in a_messages.RetryReason)
+            return f"one digit: {', '.join(reasons)}"
+        case Command.SDI | Command.SDO:
+            return "two hexadecimal digits"
+        case _:
+            return ""
+
+
+def _positions() -> str:
+    """All 72 positions of SAT and SET; those of the parameters as the code has them."""
+    states = ", ".join(f"{state.value} {state.name.lower().replace('_', ' ')}" for state in status.BufferState)
+    causes = ", ".join(f"{cause.value} {cause.name.lower().replace('_', ' ')}" for cause in status.AlarmCause)
+    rows = [
+        ((1, 1), "the digit of the last SET, or always 0 (5000#1)", "`switching`", ""),
+        ((2, 2), f"state: {states}", "ignored", "0"),
+        ((3, 3), f"cause of the alarm: {causes}", "not used", "0"),
+        ((4, 4), "not used", "not used", ""),
+        ((5, 8), "bytes in the buffer", "not used", "0000"),
+        ((49, 54), "not used", "not used", ""),
+        ((status.USED_LENGTH + 1, a_messages.LONGEST_DATA), "not used; may be missing", "not used; may be missing", ""),
+    ]
+    rows += [
+        (span, _parameter_said(field), _parameter_said(field), _hexadecimal(field, span))
+        for field, span in status._POSITIONS.items()
+    ]
+    rows.sort()
+    header = ("positions", "SAT", "SET", "at power-on")
+    return _table(
+        header, [(f"{a}" if a == b else f"{a} to {b}", sat, set_, initial) for (a, b), sat, set_, initial in rows]
+    )
+
+
+def _parameter_said(field: str) -> str:
+    others = {
+        "unit": f"unit of Tp: {status.TENTHS_OF_SECONDS:04X} is 0.1 s (P2), 0000 is 1 s",
+        "convert_from": "code to be converted",
+        "convert_to": "code after conversion; 00 and 00: none",
+        "n": "n: 01, 02, 04 packets; anything else protocol A",
+    }
+    limit = status.LIMITS.get(field)
+    return others[field] if limit is None else f"{limit.name}: {limit.meaning}"
+
+
+def _hexadecimal(field: str, span: tuple[int, int]) -> str:
+    return f"{getattr(status.POWER_ON, field):0{span[1] - span[0] + 1}X}"
+
+
+def _parameters() -> str:
+    wanted = dataclasses.asdict(fanuc_a.Params().wanted)
+    rows = [
+        (limit.name, limit.meaning, limit.unit, f"{limit.low} to {limit.high}", str(limit.power_on), str(wanted[field]))
+        for field, limit in status.LIMITS.items()
+    ]
+    return _table(("parameter", "meaning", "unit", "range", "at power-on", "our host asks for"), rows)
+
+
+def _packet_lengths() -> str:
+    rows = [(f"{n}", f"0{n}", f"{packets.data_bytes(n)}", f"{packets.packet_bytes(n)}") for n in (1, 2, 4)]
+    return _table(("n", "positions 55 and 56", "data", "whole packet"), rows)
+
+
+def _monitors() -> str:
+    said = _members_said(packets.Monitor)
+    rows = [
+        (
+            monitor.name,
+            said[monitor.name],
+            *(_monitor(monitor, code, packets.MonitorSum.WITHOUT_END) for code in _FORMS),
+            _monitor(monitor, packets.MonitorCode.PRINTED, packets.MonitorSum.WITH_END),
+        )
+        for monitor in packets.Monitor
+    ]
+    forms = (f"`monitor={code}`" for code in _FORMS)
+    return _table(("packet", "meaning", *forms, "printed, `monitor_sum=with-end`"), rows)
+
+
+_FORMS: Final = tuple(packets.MonitorCode)
+
+
+def _monitor(monitor: packets.Monitor, code: packets.MonitorCode, covers: packets.MonitorSum) -> str:
+    number = packets.NUMBERS[1] if monitor is packets.Monitor.NAK else None
+    return packets.encode_monitor(monitor, number=number, code=code, sum_covers=covers).hex(" ").upper()
+
+
+def _a_host_law() -> str:
+    commands = [command for command in Command if a_messages.ORIGINS[command] is not a_messages.Origin.HOST]
+    rows = [
+        [f"`{state.name}`"]
+        + [
+            _names(a_host_law.LAW[state, command].states, a_host_law.State)
+            if (state, command) in a_host_law.LAW
+            else "-"
+            for command in commands
+        ]
+        for state in a_host_law.State
+    ]
+    return _table(("state", *(command.name for command in commands)), rows)
+
+
+def _a_cnc_law() -> str:
+    """Each pair that has a row; what the control of its own may not be sent falls to the two alarms."""
+    rows = [
+        (f"`{state.name}`", _command_names(commands), f"`{act.name}`", act.value)
+        for state in a_cnc_law.State
+        for act in a_cnc_law.Act
+        if (commands := {command for command in Command if a_cnc_law.LAW.get((state, command)) is act})
+    ]
+    return _table(("state", "the host says", "act", "the control"), rows)
+
+
+def _a_refusals() -> str:
+    rows = [
+        (f"`{state.name}`", *(_command_names(_refused(state, alarm)) for alarm in a_cnc_law.Refusal))
+        for state in a_cnc_law.State
+        if _refused(state, None)
+    ]
+    return _table(("state", *(alarm.value for alarm in a_cnc_law.Refusal)), rows)
+
+
+def _refused(state: a_cnc_law.State, alarm: a_cnc_law.Refusal | None) -> set[Command]:
+    return {
+        command
+        for command in Command
+        if (state, command) not in a_cnc_law.LAW and alarm in (None, a_cnc_law.refusal(state, command))
+    }
+
+
+def _members(words: type[Enum], header: str) -> str:
+    said = _members_said(words)
+    return _table((header, "in words"), [(f"`{w.name}`", f"{w.value}. {said[w.name]}".rstrip(" .")) for w in words])
+
+
+def _a_constants() -> str:
+    host = (host_exchange, host_agreement, host_line, host_packets, host_streaming)
+    return _constants(*host, cnc_job, cnc_dialogue, cnc_packets)
+
+
 def _dialogue(path: Path) -> str:
     return f"```\n{path.read_text()}```"
 
@@ -369,12 +559,26 @@ PARTS: Final[dict[str, Callable[[], str]]] = {
     "protocols": _protocols,
     "fanuc_b control codes": _control_codes,
     "fanuc_b limits": _limits,
-    "fanuc_b settings": lambda: _settings(describe_settings(Params)),
+    "fanuc_b settings": partial(_settings_of, Params),
     "fanuc_b host states": partial(_states, host_law.State),
     "fanuc_b host law": _host_law,
     "fanuc_b control states": partial(_states, cnc_law.State),
     "fanuc_b control law": _cnc_law,
     "fanuc_b constants": partial(_constants, host, host_delivery, delivery, cnc),
+    "fanuc_a commands": _commands,
+    "fanuc_a positions": _positions,
+    "fanuc_a parameters": _parameters,
+    "fanuc_a packet lengths": _packet_lengths,
+    "fanuc_a monitor packets": _monitors,
+    "fanuc_a settings": partial(_settings_of, fanuc_a.Params),
+    "fanuc_a host states": partial(_states, a_host_law.State),
+    "fanuc_a host law": _a_host_law,
+    "fanuc_a host timers": partial(_members, a_host_law.Timer, "deadline"),
+    "fanuc_a control states": partial(_states, a_cnc_law.State),
+    "fanuc_a control law": _a_cnc_law,
+    "fanuc_a control refusals": _a_refusals,
+    "fanuc_a control timers": partial(_members, a_cnc_law.Timer, "deadline"),
+    "fanuc_a constants": _a_constants,
     "bridgeport codes": _roles,
     "bridgeport uncertain settings": _uncertain_settings,
     "bridgeport settings": _bridgeport_settings,
@@ -396,6 +600,7 @@ PARTS: Final[dict[str, Callable[[], str]]] = {
         bridgeport_cnc,
     ),
     "bridgeport profile": _profile,
+    **_dialogues("fanuc_a", "dialogue"),
     **_dialogues("fanuc_b", "dialogue"),
     **_dialogues("bridgeport", "bridgeport dialogue"),
 }

@@ -224,9 +224,7 @@ def program(seed: int = SEED) -> bytes:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Write the surfacing example.")
     parser.add_argument("file", type=Path, help="where to write it, such as examples/surfacing.nc")
-    parser.add_argument(
-        "--seed", type=int, default=SEED, help="another seed is another surface (default: %(default)s)"
-    )
+    parser.add_argument("--seed", type=int, default=SEED, help="another seed is another surface (default: %(default)s)")
     arguments = parser.parse_args()
     arguments.file.write_bytes(program(arguments.seed))
 

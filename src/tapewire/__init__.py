@@ -28,7 +28,7 @@ if TYPE_CHECKING:
         Started,
         Violation,
     )
-    from tapewire.errors import LineBusy, LineError, LineLost, LineNotFound, ProgramError, TapewireError, UsageError
+    from tapewire.errors import LineBusy, LineError, LineNotFound, ProgramError, TapewireError, UsageError
     from tapewire.protocols import PROTOCOLS
     from tapewire.sim.world import Pair, World
     from tapewire.transfer.api import receive, run_control, send
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 _HOMES: Final = {
     "tapewire.engine": ("AfterStop Alarm Ended Event Held Notice Outcome Received Requested Resumed Started Violation"),
-    "tapewire.errors": "LineBusy LineError LineLost LineNotFound ProgramError TapewireError UsageError",
+    "tapewire.errors": "LineBusy LineError LineNotFound ProgramError TapewireError UsageError",
     "tapewire.protocols": "PROTOCOLS",
     "tapewire.sim.world": "Pair World",
     "tapewire.transfer.api": "receive run_control send",
@@ -58,7 +58,6 @@ __all__ = [
     "Held",
     "LineBusy",
     "LineError",
-    "LineLost",
     "LineNotFound",
     "Notice",
     "Observer",

@@ -9,7 +9,6 @@ asks for wrongly, and a line or a job that fails, is one of these. What we did w
      +-- LineError (OSError)         the line
      |    +-- LineNotFound           no such port or host
      |    +-- LineBusy               somebody else has it
-     |    +-- LineLost               it was there and is gone
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ from __future__ import annotations
 __all__ = [
     "LineBusy",
     "LineError",
-    "LineLost",
     "LineNotFound",
     "ProgramError",
     "TapewireError",
@@ -46,7 +44,7 @@ class ProgramError(UsageError):
 
 
 class LineError(TapewireError, OSError):
-    """The line could not be opened or failed while open."""
+    """The line could not be opened. One that is lost while open ends its job, and is no exception."""
 
 
 class LineNotFound(LineError):
@@ -55,7 +53,3 @@ class LineNotFound(LineError):
 
 class LineBusy(LineError):
     """The port is held by another program."""
-
-
-class LineLost(LineError):
-    """The line was open and is gone: unplugged, closed by the peer, power lost."""

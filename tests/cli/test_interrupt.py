@@ -117,26 +117,26 @@ def interrupted_send_when_held(send: Command, listener: Listener) -> None:
     assert len(listener.to_the_end()) == before
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_before_anybody_is_there(shop: Shop, number: signal.Signals) -> None:
+def test_before_anybody_is_there(shop: Shop) -> None:
     file, path = shop.file("in.nc", TEXT), shop.folder / "in-line"
     listen = ("--line", "listen://127.0.0.1:0", *HOST)
     pseudo = ("--line", f"pty:{path}", *HOST)
     commands = [
-        shop.start("send", file, *listen),
-        shop.start("receive", shop.folder / "got.nc", *listen),
-        shop.start("cnc", "--save", shop.folder / "saved.nc", *listen),
-        shop.start("cnc", "--operation", "punch", "--file", file, *pseudo),
+        (signal.SIGINT, shop.start("send", file, *listen)),
+        (signal.SIGTERM, shop.start("send", file, *pseudo)),
+        (signal.SIGINT, shop.start("receive", shop.folder / "got.nc", *listen)),
+        (signal.SIGHUP, shop.start("cnc", "--save", shop.folder / "saved.nc", *listen)),
+        (signal.SIGINT, shop.start("cnc", "--operation", "punch", "--file", file, "--line", f"pty:{path}2", *HOST)),
     ]
-    for command in commands:
+    for number, command in commands:
         command.wait_for("ready")
         command.interrupt(number)
-    for command in commands:
+    for _, command in commands:
         finished = command.finish()
         given_up(finished)
         assert (finished.end["bytes"], finished.end["bytes_handed"]) == (0, 0)
     assert shop.files == set()
-    assert not os.path.lexists(path)
+    assert [path.name for path in shop.folder.iterdir()] == ["in.nc"]
 
 
 def test_while_a_connection_is_tried(shop: Shop) -> None:

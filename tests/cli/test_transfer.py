@@ -30,10 +30,13 @@ class Line:
 LINES: Final = [Line(kind, maker) for kind, maker in product(("tcp", "pty"), ("host", "cnc"))]
 
 
-def start(shop: Shop, line: Line, *, host: list[object], cnc: list[object]) -> tuple[Command, Command]:
+def start(
+    shop: Shop, line: Line, *, host: list[object], cnc: list[object], link: str = "in-line"
+) -> tuple[Command, Command]:
     """(host, cnc) on one line, once its maker says that it is there."""
-    words = {"host": host, "cnc": ["cnc", *cnc]}
-    path = shop.folder / "in-line"
+    sooner = ["--set", "notice_time=0.1"] if {"fanuc-b", "fanuc-b-expansion"} & set(host) else []
+    words = {"host": [*host, *sooner], "cnc": ["cnc", *cnc]}
+    path = shop.folder / link
     here = "listen://127.0.0.1:0" if line.kind == "tcp" else f"pty:{path}"
     maker = shop.start(*words[line.maker], "--line", here, "--json")
     ready = str(maker.wait_for("ready")["line"])

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from enum import Enum
-from typing import get_args
+from pathlib import Path
+from typing import Any, get_args
 
 import pytest
 
@@ -16,6 +17,12 @@ from tapewire.protocols.bridgeport import host_law as bridgeport_host_law
 from tapewire.protocols.bridgeport.code_table import ROLES
 from tapewire.protocols.bridgeport.profile import LINK_CONFIDENCE
 from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, DncEnd
+from tapewire.protocols.fanuc_a import cnc_law as a_cnc_law
+from tapewire.protocols.fanuc_a import host_law as a_host_law
+from tapewire.protocols.fanuc_a.messages import Command
+from tapewire.protocols.fanuc_a.packets import Monitor
+from tapewire.protocols.fanuc_a.params import Params as AParams
+from tapewire.protocols.fanuc_a.status import LIMITS
 from tapewire.protocols.fanuc_b import cnc_law, host_law
 from tapewire.protocols.fanuc_b.messages import ControlCode, Params
 from tapewire.protocols.settings import describe_settings
@@ -25,6 +32,7 @@ from tests.house.sources import ROOT, python_files
 from tests.house.test_docs import ARCHITECTURE, pages
 from tests.house.test_imports import LAYERS
 
+PROTOCOL_A_PAGE = ROOT / "docs" / "protocols" / "fanuc_a.md"
 PROTOCOL_B_PAGE = ROOT / "docs" / "protocols" / "fanuc_b.md"
 BRIDGEPORT_PAGE = ROOT / "docs" / "protocols" / "bridgeport.md"
 COMPLIANCE = ROOT / "docs" / "compliance.md"
@@ -70,9 +78,22 @@ def test_the_protocol_page_has_every_word_of_both_ends() -> None:
     assert [word for word in words_of(cnc_law.Act) if word not in page] == []
 
 
-def test_the_protocol_page_has_every_setting() -> None:
-    first_cells = {row[0] for row in table_rows(PROTOCOL_B_PAGE.read_text())}
-    assert {f"`{key}`" for key, *_ in describe_settings(Params)} <= first_cells
+def test_the_page_of_protocol_a_has_every_word_of_both_ends() -> None:
+    page = PROTOCOL_A_PAGE.read_text()
+    first_cells = {row[0] for row in table_rows(page)}
+    needed = set(words_of(a_host_law.State, a_host_law.Timer, a_cnc_law.State, a_cnc_law.Timer))
+    needed |= {word.name for words in (Command, Monitor) for word in words}
+    needed |= {limit.name for limit in LIMITS.values()}
+    assert needed - first_cells == set()
+    acts = {act for row in table_rows(page) for act in row[2:3]}
+    assert set(words_of(a_cnc_law.Act)) <= acts
+    assert all(alarm.value in page for alarm in a_cnc_law.Refusal)
+
+
+@pytest.mark.parametrize(("page", "record"), [(PROTOCOL_A_PAGE, AParams), (PROTOCOL_B_PAGE, Params)], ids=["A", "B"])
+def test_the_protocol_page_has_every_setting(page: Path, record: type[Any]) -> None:
+    first_cells = {row[0] for row in table_rows(page.read_text())}
+    assert {f"`{key}`" for key, *_ in describe_settings(record)} <= first_cells
 
 
 def test_the_page_of_remote_load_has_every_word_of_both_ends() -> None:

@@ -117,8 +117,28 @@ def test_a_queue_that_empties_between_two_questions_is_still_looked_at_again() -
         assert line.room(now) == 0
         deadline = line.next_deadline()
         assert deadline is not None
+        line.read(deadline)
         assert line.room(deadline) == 4
         assert line.next_deadline() is None
+    finally:
+        line.close(now)
+        far.close()
+
+
+def test_what_was_on_its_way_is_asked_again_though_room_found_the_queue_empty() -> None:
+    near, far = socket.socketpair()
+    near.setblocking(False)
+    line = _Draining(near.detach(), settings(window=4))
+    try:
+        now = SECOND
+        line.read(now)
+        line.write(b"ab"[: line.room(now)], now)
+        now += SECOND
+        line.read(now)
+        line.answers[:] = [2]
+        assert line.on_its_way(now) == 2
+        assert line.room(now) == 4
+        assert line.next_deadline() is not None
     finally:
         line.close(now)
         far.close()

@@ -7,12 +7,14 @@ import os
 import socket
 import struct
 import termios
+import time
 from collections.abc import Iterator
 
 import pytest
 
 from tapewire.engine import SECOND, Closure
-from tapewire.line.tcp import TcpLine
+from tapewire.line.pacing import character_time
+from tapewire.line.tcp import ACKNOWLEDGED_LATE, TcpLine
 from tapewire.line.transport import Closed
 from tests.line.helpers import Clock, Seen, read_until_closed, settings
 
@@ -110,9 +112,71 @@ def test_a_peer_that_takes_nothing_stops_the_line_within_a_window(ends: Ends) ->
     assert sent < 50_000_000
     assert line.watched is not None
     (unacknowledged,) = struct.unpack("i", fcntl.ioctl(line.watched, termios.TIOCOUTQ, bytes(4)))
-    assert 108 < unacknowledged <= 216
-    assert line.in_flight(clock.now) == unacknowledged
+    patience = line.stop_distance.characters - 216
+    assert patience == ACKNOWLEDGED_LATE // character_time(86400)
+    assert patience < unacknowledged <= 216 + patience
+    assert line.in_flight(clock.now) == unacknowledged - patience
+    assert line.on_its_way(clock.now) == unacknowledged
     assert line.next_deadline() is not None
+
+
+def _stalled(line: TcpLine, far: socket.socket) -> tuple[int, int]:
+    """Write until nothing is acknowledged any more; the moment and how many characters were handed over."""
+    far.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
+    clock, sent, idle = Clock(), 0, 0
+    while idle < 6:
+        now = clock.advance(SECOND)
+        if room := line.room(now):
+            line.write(bytes(room), now)
+            sent += room
+            idle = 0
+        else:
+            time.sleep(0.05)  # acknowledgements may take 40 ms
+            idle += 1
+    return clock.now, sent
+
+
+def _read_all(far: socket.socket) -> tuple[int, bool]:
+    """How many bytes still arrive, and whether the connection was reset behind them."""
+    count = 0
+    far.settimeout(5)
+    try:
+        while data := far.recv(65536):
+            count += len(data)
+    except ConnectionResetError:
+        return count, True
+    return count, False
+
+
+def test_what_nobody_acknowledged_never_arrives_after_the_close(ends: Ends) -> None:
+    line, far = ends
+    now, sent = _stalled(line, far)
+    line.close(now)
+    arrived, was_reset = _read_all(far)
+    assert was_reset
+    assert arrived < sent
+
+
+def test_the_last_words_have_half_a_second_to_arrive(ends: Ends) -> None:
+    """They are in order when they were only just written, and acknowledgements may take their time."""
+    line, far = ends
+    now, sent = _stalled(line, far)
+    line._written = now
+    line.close(now + SECOND // 4)
+    assert _read_all(far) == (sent, False)
+
+
+def test_a_peer_that_is_gone_without_a_word_is_noticed_within_a_minute(ends: Ends) -> None:
+    line, _ = ends
+    assert line.watched is not None
+    with socket.socket(fileno=os.dup(line.watched)) as same:
+        assert same.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
+        idle, interval, count = (
+            same.getsockopt(socket.IPPROTO_TCP, option)
+            for option in (socket.TCP_KEEPIDLE, socket.TCP_KEEPINTVL, socket.TCP_KEEPCNT)
+        )
+        assert idle + interval * count == 60
+        assert same.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 60_000
 
 
 def test_there_is_no_delay_for_small_packets_and_no_guarantee(ends: Ends) -> None:
@@ -121,4 +185,4 @@ def test_there_is_no_delay_for_small_packets_and_no_guarantee(ends: Ends) -> Non
     with socket.socket(fileno=os.dup(line.watched)) as same:
         assert same.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) == 1
     assert not line.stop_distance.guaranteed
-    assert line.stop_distance.characters == 216
+    assert line.stop_distance.characters == 216 + 392, "a window, and what 50 ms of line may leave unacknowledged"

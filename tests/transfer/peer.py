@@ -19,8 +19,10 @@ DC1, DC2, DC3, DC4, NAK, SYN = b"\x11", b"\x12", b"\x93", b"\x14", b"\x95", b"\x
 
 HOW: Final[dict[str, Any]] = {"line": "listen://127.0.0.1:0", "protocol": "fanuc-b", "baud": 230400}
 
+IMPATIENT: Final = {"notice_time": "0.1"}
+
 DEADLINE_S: Final = 30.0
-QUIET_S: Final = 0.25
+QUIET_S: Final = 0.15
 """Nothing for so long: the host has stopped. Its last characters are on a line of this computer."""
 
 
@@ -108,10 +110,10 @@ class Job:
 
 @asynccontextmanager
 async def feeding(folder: Path, text: bytes, **how: Any) -> AsyncIterator[Job]:
-    """`send` of `text` to a peer; `how` goes to `send`, but that its closing time is short."""
+    """`send` of `text` to a peer; `how` goes to `send`, whose patience at the end is short."""
     file = folder / "in.nc"
     file.write_bytes(text)
-    how = {**HOW, **how, "settings": {"closing_time": "0.3", **how.get("settings", {})}}
+    how = {**HOW, **how, "settings": {**IMPATIENT, "closing_time": "0.3", **how.get("settings", {})}}
     async with working(lambda observe, stop: send(file, observer=observe, stop=stop, **how)) as job:
         yield job
 
@@ -119,7 +121,7 @@ async def feeding(folder: Path, text: bytes, **how: Any) -> AsyncIterator[Job]:
 @asynccontextmanager
 async def receiving(file: Path, **how: Any) -> AsyncIterator[Job]:
     """`receive` into `file` from a peer; `how` goes to `receive`."""
-    how = {**HOW, **how}
+    how = {**HOW, **how, "settings": {**IMPATIENT, **how.get("settings", {})}}
     async with working(lambda observe, stop: receive(file, observer=observe, stop=stop, **how)) as job:
         yield job
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import click
 
-from tapewire.cli.output import json_end
+from tapewire.cli.output import give_up_unwritable_output, json_end
 from tapewire.errors import LineError, TapewireError, UsageError
 
 __all__ = ["main"]
@@ -58,6 +58,9 @@ class _Tapewire(click.Group):
             status = _refused(words, str(error), NOT_COMPLETE, tell=True)
         except (click.Abort, KeyboardInterrupt):
             status = _refused(words, "interrupted before anything was sent", INTERRUPTED, tell=True)
+        except OSError as error:  # an output that cannot be written, no folder for temporary files
+            give_up_unwritable_output()
+            status = _refused(words, f"the system refuses: {error}", NOT_COMPLETE, tell=True)
         except Exception as error:
             _refused(words, f"an error of Tapewire itself: {error!r}; please report it", NOT_COMPLETE)
             raise

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from datetime import timedelta
+from typing import Final
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as RichProgress
 from rich.text import Text
@@ -12,6 +14,9 @@ from rich.text import Text
 from tapewire.transfer.reports import Progress
 
 __all__ = ["Bar"]
+
+REASON_WIDTH: Final = 24
+"""Of the reason why it is held, so much fits in; a longer one has been told in a line of its own."""
 
 
 class Bar:
@@ -34,10 +39,11 @@ class Bar:
         self._progress.start()
         self._closed = False
 
-    def show(self, progress: Progress) -> None:
+    def show(self, progress: Progress, held_by: str) -> None:
+        """`held_by` is the reason of the last stop that was told."""
         if progress.bytes:
             self._progress.start_task(self._task)
-        state = "[yellow]held   [/]" if progress.held else "[green]running[/]"
+        state = f"[yellow]{escape(_held(held_by))}[/]" if progress.held else "[green]running[/]"
         self._progress.update(
             self._task,
             total=progress.total,
@@ -54,6 +60,11 @@ class Bar:
         if not self._closed:
             self._closed = True
             self._progress.stop()
+
+
+def _held(held_by: str) -> str:
+    reason = held_by if len(held_by) <= REASON_WIDTH else held_by[: REASON_WIDTH - 1] + "…"
+    return f"held: {reason}" if reason else "held"
 
 
 def _figures(progress: Progress) -> str:

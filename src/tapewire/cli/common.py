@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import math
+import os
 import signal
 import sys
+import time
 from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -41,6 +43,12 @@ INTERRUPTED: Final = 130
 ENDING_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Whatever a person or the system uses to end a command; one that is ignored (nohup) stays so, but for Ctrl-C, which
 a shell ignores for whatever runs in its background."""
+
+PATIENCE: Final = 3
+"""The third signal of somebody who waits in vain does what it does to any program: it kills."""
+
+PATIENCE_S: Final = 0.5
+"""Signals closer together are one: a closing terminal sends several, and fingers hammer."""
 
 
 class Number(click.FloatRange):
@@ -108,11 +116,13 @@ def _with(command: Command, options: Sequence[Callable[[Command], Command]]) -> 
 
 def parse_words(words: tuple[str, ...]) -> dict[str, str]:
     """KEY=VALUE words to settings. Raises UsageError."""
-    settings = {}
+    settings: dict[str, str] = {}
     for word in words:
         key, equals, value = word.partition("=")
         if not equals or not key:
             raise UsageError(f"--set {word}: KEY=VALUE is expected, as in --set posting=off")
+        if key in settings:
+            raise UsageError(f"--set {key} is given twice, as {settings[key]} and as {value}: say which one is meant")
         settings[key] = value
     return settings
 
@@ -176,9 +186,28 @@ async def _run(output: Output, job: Callable[[Output, asyncio.Event], Awaitable[
 def stop_on_signals(stop: asyncio.Event) -> None:
     """Ctrl-C, SIGTERM and a closed terminal set `stop` from now on. Called inside a running loop."""
     loop = asyncio.get_running_loop()
+    patience = _Patience()
     for number in ENDING_SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN or number is signal.SIGINT:
             loop.add_signal_handler(number, stop.set)
+            # The loop goes on hearing the signal by its own wake-up; this counts also while the loop hangs.
+            signal.signal(number, patience.count)
+
+
+class _Patience:
+    """How often somebody has asked for the end."""
+
+    def __init__(self) -> None:
+        self._asked = 0
+        self._last = -PATIENCE_S
+
+    def count(self, number: int, frame: object) -> None:
+        now = time.monotonic()
+        if now - self._last >= PATIENCE_S:
+            self._asked, self._last = self._asked + 1, now
+        if self._asked == PATIENCE:
+            signal.signal(number, signal.SIG_DFL)
+            os.kill(os.getpid(), number)
 
 
 def _ignore_signals() -> None:

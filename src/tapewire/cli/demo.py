@@ -54,11 +54,19 @@ def demo(protocol: str, baud: int | None, blocks_per_second: float) -> int:
                 if isinstance(report, Ready):
                     open_now.set()
 
-            task = ControlTask(blocks_per_second=blocks_per_second)
-            control = asyncio.ensure_future(run_control(task, cnc.observed_by(observe_cnc, stop)))
-            await asyncio.wait([control, asyncio.ensure_future(open_now.wait())], return_when=asyncio.FIRST_COMPLETED)
-            sent = await send_program(program, host.observed_by(view.observe_host, stop))
-            return sent, await control
+            machine = ControlTask(blocks_per_second=blocks_per_second)
+            control = asyncio.ensure_future(run_control(machine, cnc.observed_by(observe_cnc, stop)))
+            opened = asyncio.ensure_future(open_now.wait())
+            try:
+                await asyncio.wait([control, opened], return_when=asyncio.FIRST_COMPLETED)
+                if control.done():
+                    control.result()  # without a control there is no line: this says why
+                sent = await send_program(program, host.observed_by(view.observe_host, stop))
+                return sent, await control
+            finally:
+                opened.cancel()
+                control.cancel()
+                await asyncio.gather(opened, control, return_exceptions=True)
 
         with view, closing(program):
             sent, taken = asyncio.run(both())

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import threading
 import time
+from collections.abc import Callable
 from types import TracebackType
 from typing import Final
 
@@ -13,6 +16,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from tapewire.cli.output import give_up_unwritable_output
 from tapewire.engine import AfterStop, Held, Nanos, Resumed
 from tapewire.protocols.fanuc_b.messages import BUFFER_BYTES
 from tapewire.transfer.program import Program
@@ -27,11 +31,28 @@ PLAIN_INTERVAL_S: Final = 5.0
 REFRESHES_PER_S: Final = 5
 
 
+class _Paper(Console):
+    """Where it is drawn. Once nothing can be written there, nothing is; the demo goes on, and its status tells."""
+
+    def on_broken_pipe(self) -> None:
+        """The console's own way is to exit."""
+        raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
+
+    def try_to(self, draw: Callable[[], None]) -> None:
+        if self.quiet:
+            return
+        try:
+            draw()
+        except OSError:
+            self.quiet = True
+            give_up_unwritable_output()
+
+
 class DemoView:
     """Collects what both ends report and draws it, from a thread of its own."""
 
     def __init__(self, program: Program, host: JobSettings) -> None:
-        self._console = Console(highlight=False)
+        self._console = _Paper(highlight=False)
         self._title = f"{program.name}, {program.byte_count:,} bytes, {host.protocol.title}, {host.baud} baud"
         self._total = program.byte_count
         self._host: Progress | None = None
@@ -41,7 +62,9 @@ class DemoView:
         self._after_stop = 0
         self._allowed = 0
         self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._work, name="tapewire-demo-view", daemon=True)
+        self._thread = threading.Thread(
+            target=self._console.try_to, args=(self._work,), name="tapewire-demo-view", daemon=True
+        )
 
     def observe_host(self, report: Report, now: Nanos) -> None:
         match report:
@@ -111,6 +134,10 @@ class DemoView:
     def conclude(self, sent: Result, taken: Result) -> bool:
         """Print the outcome of both ends; True when the control has exactly what the host sent."""
         identical = sent.sha256 == taken.sha256 and taken.bytes == self._total
+        self._console.try_to(lambda: self._print_outcome(sent, taken, identical))
+        return identical
+
+    def _print_outcome(self, sent: Result, taken: Result, identical: bool) -> None:
         say = self._console.print
         say(f"host     {sent.outcome}: {sent.bytes:,} bytes, sha256 {sent.sha256}", soft_wrap=True)
         say(f"control  {taken.outcome}: {taken.bytes:,} bytes, sha256 {taken.sha256}", soft_wrap=True)
@@ -119,4 +146,3 @@ class DemoView:
         after = f"; at most {self._after_stop} characters after DC3, {self._allowed} allowed" if sent.stops else ""
         say(f"stopped {sent.stops} times by DC3{after}")
         say("byte-identical" if identical else f"NOT identical: {sent.reason}; {taken.reason}", soft_wrap=True)
-        return identical

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import os
 import queue
 import re
 import sys
@@ -17,19 +18,35 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias
 
-from tapewire.engine import AfterStop, Alarm, Event, Nanos, Notice, Outcome, Received, Started, Violation
+from tapewire.engine import (
+    AfterStop,
+    Alarm,
+    Event,
+    Held,
+    Nanos,
+    Notice,
+    Outcome,
+    Received,
+    Requested,
+    Resumed,
+    Started,
+    Violation,
+)
 from tapewire.transfer.reports import Progress, Ready, Report, Result, StopDistanceTold
 
 if TYPE_CHECKING:
     from tapewire.cli.bar import Bar
 
-__all__ = ["JsonLines", "Output", "PeopleLines", "Presenter", "json_end", "summary"]
+__all__ = ["JsonLines", "Output", "PeopleLines", "Presenter", "give_up_unwritable_output", "json_end", "summary"]
 
 WAITING_REPORTS: Final = 2000
 """More than this many unwritten reports: nobody reads, and further ones are dropped."""
 
 PLAIN_PROGRESS_S: Final = 5.0
 """Without a terminal, progress is told this often."""
+
+EVERYDAY: Final = frozenset({"DC1", "DC2", "DC3"})
+"""Reasons to stop and to go on that need no line of their own: every long program has hundreds of them."""
 
 CLOSE_LIMIT_S: Final = 2.0
 """A stopped terminal does not keep the command from ending."""
@@ -104,6 +121,20 @@ class _Desk:
         return True
 
 
+def give_up_unwritable_output() -> None:
+    """When stdout takes nothing any more (a full disk, a reader that is gone), what is left for it goes nowhere:
+    Python would try again when it exits, and complain.
+    """
+    if sys.stdout is None:
+        return
+    try:
+        sys.stdout.flush()
+    except OSError:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
+
 def _event_name(report: object) -> str:
     names: dict[type, str] = {StopDistanceTold: "stop_distance", AfterStop: "after_dc3"}
     return names.get(type(report)) or re.sub(r"(?<!^)(?=[A-Z])", "_", type(report).__name__).lower()
@@ -145,18 +176,28 @@ class PeopleLines:
         self._counted = counted
         self._bar = _bar(title) if sys.stderr.isatty() else None
         self._last_progress = time.monotonic()
+        self._held_by = ""
 
     def show(self, shown: Shown, time_ns: int) -> None:
-        if isinstance(shown, Progress):
-            self._show_progress(shown)
-        elif isinstance(shown, Result):
-            if self._bar is not None:
-                self._bar.close()
-            self._say(summary(shown, self._counted))
-        else:
-            text = _text(shown)
-            if text:
-                self._say(text)
+        match shown:
+            case Progress():
+                self._show_progress(shown)
+            case Result():
+                if self._bar is not None:
+                    self._bar.close()
+                self._say(summary(shown, self._counted))
+            case Held(why=why):
+                self._held_by = why
+                if why not in EVERYDAY:
+                    self._say(f"held: {why}")
+            case Resumed(why=why):
+                stopped_by, self._held_by = self._held_by, ""
+                if why not in EVERYDAY or stopped_by not in {"", *EVERYDAY}:
+                    self._say(f"resumed: {why}")
+            case _:
+                text = _text(shown)
+                if text:
+                    self._say(text)
 
     def close(self) -> None:
         if self._bar is not None:
@@ -172,11 +213,12 @@ class PeopleLines:
 
     def _show_progress(self, progress: Progress) -> None:
         if self._bar is not None:
-            self._bar.show(progress)
+            self._bar.show(progress, self._held_by)
         elif time.monotonic() - self._last_progress >= PLAIN_PROGRESS_S:
             self._last_progress = time.monotonic()
             total = "" if progress.total is None else f" of {progress.total:,}"
-            held = ", held" if progress.held else ""
+            reason = f": {self._held_by}" if self._held_by else ""
+            held = f", held{reason}" if progress.held else ""
             share = f", {progress.share:.0%} of the line" if progress.share else ""
             self._say(f"{progress.bytes:,}{total} bytes{share}{held}")
 
@@ -197,6 +239,9 @@ def _text(shown: Ready | StopDistanceTold | Event) -> str:
             return f"ready: {line}"
         case StopDistanceTold():
             return _stop_distance(shown)
+        case Requested(number=number, served=False):
+            which = "a program" if number is None else f"program {number}"
+            return f"the control asked for {which}, but none is armed: nothing is sent"
         case Started(why=why):
             return f"started: {why}"
         case Alarm(number=number, text=text):

@@ -152,9 +152,11 @@ class DescriptorLine:
         self._now: Nanos = 0
         self._room = 0
         self._unsent = bytearray()
+        self._patience = 0
+        """Characters the kernel may hold beyond the model of the line before they count as stuck."""
         self._behind = False
-        """At the last look the kernel held more than the model of the line says: it must be looked at again, even if
-        the kernel has got rid of it since."""
+        """Since the last read the kernel was seen to hold more than the model of the line says: it must be looked at
+        again, even if it has got rid of it since."""
         self._failure: Closed | None = None
         self._ended = False
         self._connected = True
@@ -176,6 +178,7 @@ class DescriptorLine:
 
     def read(self, now: Nanos) -> list[LineItem]:
         self._now = now
+        self._behind = False
         if self._fd is None:
             return []
         self._flush()
@@ -206,10 +209,23 @@ class DescriptorLine:
 
     def in_flight(self, now: Nanos) -> int:
         """By the model of a line at its rate, and at least what the kernel and this end still hold."""
-        held = 0 if self._fd is None or self._ended else self._queued(self._fd) + len(self._unsent)
-        by_model = self._tx.in_flight(now)
-        self._behind = held > by_model
+        held, by_model = self._held() - self._patience, self._tx.in_flight(now)
+        self._behind = self._behind or held > by_model
         return max(by_model, held)
+
+    def on_its_way(self, now: Nanos) -> int:
+        """What the kernel and this end still hold. The FIFO of a UART (16 characters) cannot be asked.
+
+        A simulated control, which takes characters at the pace of a line, also says its own at that pace.
+        """
+        if self._settings.paced_reception:
+            return self._tx.in_flight(now)
+        held = self._held()
+        self._behind = self._behind or held > 0
+        return held
+
+    def _held(self) -> int:
+        return 0 if self._fd is None or self._ended else self._queued(self._fd) + len(self._unsent)
 
     def discard(self, now: Nanos) -> int:
         """Call back what the kernel did not take, and of what it took as much as this kind of line can."""

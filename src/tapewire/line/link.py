@@ -46,8 +46,6 @@ class Link:
         self.application = application
         self.closed = False
         """The line is gone."""
-        self.blocked = False
-        """The engine had more to send than the line had room for."""
         self.characters_sent = 0
         """Everything handed over, protocol included, less what was called back."""
         self.on_event = on_event
@@ -58,8 +56,9 @@ class Link:
 
     def step(self, now: Nanos) -> None:
         """Bring everything up to `now`."""
-        self._read(now)
+        # What has left is told before what came in, which may be the answer to it.
         self._report_left(now)
+        self._read(now)
         deadline = self.engine.next_deadline()
         if deadline is not None and deadline <= now:
             self.engine.handle_timer(now)
@@ -68,6 +67,10 @@ class Link:
         self._drive_signals(now)
         self._recall(now)
         self._send(now)
+        # Asked last of all: what is reported as gone may let the engine say more, and a queue that has emptied since
+        # the report above would otherwise have nobody come back for it.
+        while self._report_left(now):
+            self._send(now)
         self._drain(now)
 
     def next_deadline(self) -> Nanos | None:
@@ -97,13 +100,16 @@ class Link:
                     self.closed = True
                     engine.receive_closed(closure, reason, now)
 
-    def _report_left(self, now: Nanos) -> None:
+    def _report_left(self, now: Nanos) -> bool:
+        """True when there was something to report."""
         if self.closed or self._reported_left == self.characters_sent:
-            return
-        left = self.characters_sent - self.transport.in_flight(now)
-        if left > self._reported_left:
-            count, self._reported_left = left - self._reported_left, left
-            self.engine.data_left(count, now)
+            return False
+        left = self.characters_sent - self.transport.on_its_way(now)
+        if left <= self._reported_left:
+            return False
+        count, self._reported_left = left - self._reported_left, left
+        self.engine.data_left(count, now)
+        return True
 
     def _drive_signals(self, now: Nanos) -> None:
         signals = self.engine.signals
@@ -118,14 +124,10 @@ class Link:
             self.engine.data_discarded(count, now)
 
     def _send(self, now: Nanos) -> None:
-        self.blocked = False
         while not self.closed:
             room = self.transport.room(now)
             data = self.engine.data_to_send(room or 1)
-            if not data:
-                return
-            if not room:
-                self.blocked = True
+            if not data or not room:
                 return
             self.transport.write(data, now)
             self.characters_sent += len(data)

@@ -97,6 +97,9 @@ class CableEnd:
     def in_flight(self, now: Nanos) -> int:
         return self._tx.in_flight(now)
 
+    def on_its_way(self, now: Nanos) -> int:
+        return self._tx.in_flight(now)
+
     def discard(self, now: Nanos) -> int:
         count = recalled = max(0, self._tx.in_flight(now) - self._settings.fifo)
         self._tx.call_back(recalled)

@@ -64,7 +64,13 @@ class Transport(Protocol):
         ...
 
     def in_flight(self, now: Nanos) -> int:
-        """Characters handed over that have not physically left, as far as the line can tell."""
+        """Characters handed over that a line at its rate would still be carrying, and at least `on_its_way`."""
+        ...
+
+    def on_its_way(self, now: Nanos) -> int:
+        """Characters handed over that have not left, as far as the line can tell: over TCP, what the other computer
+        has not acknowledged; on a pseudo terminal, what its other side has not read.
+        """
         ...
 
     def discard(self, now: Nanos) -> int:

@@ -10,7 +10,7 @@ from typing import Any, Final, TypeAlias
 
 from tapewire.engine import CncEngine, HostEngine
 from tapewire.errors import UsageError
-from tapewire.protocols import bridgeport, fanuc_b
+from tapewire.protocols import bridgeport, fanuc_a, fanuc_b
 from tapewire.protocols.settings import End
 from tapewire.protocols.text_rules import FanucText, TextRules
 
@@ -56,6 +56,11 @@ class ProtocolEntry:
     """Bits of a character between start and parity, for these parameters and stop bits. Raises UsageError."""
 
 
+def _fanuc_a_words(params: fanuc_a.Params) -> tuple[Reader, Reader]:
+    words = fanuc_a.Words(params)
+    return words.host, words.control
+
+
 def _fanuc_b_words(params: fanuc_b.Params) -> tuple[Reader, Reader]:
     words = fanuc_b.Words(params.data)
     return words.host, words.control
@@ -71,6 +76,30 @@ def _bridgeport_text(params: bridgeport.Params) -> TextRules:
 
 
 _ENTRIES: Final = (
+    ProtocolEntry(
+        name="fanuc-a",
+        title="FANUC remote buffer, protocol A",
+        clause="B-63322EN-1 chapter 4",
+        baud=19200,
+        punches_out=False,
+        record=fanuc_a.Params,
+        params=fanuc_a.Params.for_protocol_a,
+        host=fanuc_a.FanucAHost,
+        cnc=fanuc_a.FanucACnc,
+        words=_fanuc_a_words,
+    ),
+    ProtocolEntry(
+        name="fanuc-a-expansion",
+        title="FANUC remote buffer, expansion protocol A",
+        clause="B-63322EN-1 chapter 5",
+        baud=86400,
+        punches_out=False,
+        record=fanuc_a.Params,
+        params=fanuc_a.Params.for_expansion_a,
+        host=fanuc_a.FanucAHost,
+        cnc=fanuc_a.FanucACnc,
+        words=_fanuc_a_words,
+    ),
     ProtocolEntry(
         name="fanuc-b",
         title="FANUC remote buffer, protocol B",

@@ -59,14 +59,23 @@ def setting(
     unit: str = "",
     limits: tuple[float, float] | None = None,
     form: Form | None = None,
+    control: Any = None,
 ) -> Any:
     """A dataclass field that `--set` can reach.
 
     `default` gives the type: a StrEnum member offers its words, an int or a float is a number in `unit` within
     `limits`, and anything else is written in a `form`. `why` is one sentence for the manual: what it means and why
-    this default.
+    this default. `control` is the default at the control's end where it is another than the host's.
     """
-    metadata = {"why": why, "end": end, "key": key, "unit": unit, "limits": limits, "form": form}
+    metadata = {
+        "why": why,
+        "end": end,
+        "key": key,
+        "unit": unit,
+        "limits": limits,
+        "form": form,
+        "control": control,
+    }
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -76,7 +85,8 @@ def parse_settings(record: type[Record], settings: Mapping[str, str], end: End, 
     Raises UsageError for a key that is unknown or belongs to the other end, and for a value out of its range.
     """
     fields = {_key(field): field for field in _settable(record)}
-    values = dict(fixed)
+    values = _defaults_of_control(record) if end is End.CONTROL else {}
+    values |= fixed
     for key, text in settings.items():
         field = fields.get(key)
         if field is None:
@@ -89,11 +99,27 @@ def parse_settings(record: type[Record], settings: Mapping[str, str], end: End, 
 
 
 def describe_settings(record: type[DataclassInstance]) -> list[tuple[str, str, str, str, str]]:
-    """(key, values, default, end, why) of every setting, in the order of declaration: the table of the manual."""
+    """(key, values, default, end, why) of every setting, in the order of declaration: the table of the manual.
+
+    A setting whose default is not the same at both ends has a row for each.
+    """
     return [
-        (_key(field), _values(field), _word(field), str(field.metadata["end"]), field.metadata["why"])
+        (_key(field), _values(field), _word(field, default), str(end), field.metadata["why"])
         for field in _settable(record)
+        for end, default in _ends(field)
     ]
+
+
+def _ends(field: dataclasses.Field[Any]) -> tuple[tuple[End, object], ...]:
+    control = field.metadata["control"]
+    if control is None:
+        return ((field.metadata["end"], field.default),)
+    return ((End.HOST, field.default), (End.CONTROL, control))
+
+
+def _defaults_of_control(record: type[DataclassInstance]) -> dict[str, Any]:
+    defaults = {field.name: field.metadata["control"] for field in _settable(record)}
+    return {name: default for name, default in defaults.items() if default is not None}
 
 
 def _settable(record: type[DataclassInstance]) -> Iterable[dataclasses.Field[Any]]:
@@ -104,9 +130,9 @@ def _key(field: dataclasses.Field[Any]) -> str:
     return str(field.metadata["key"] or field.name)
 
 
-def _word(field: dataclasses.Field[Any]) -> str:
+def _word(field: dataclasses.Field[Any], default: object) -> str:
     form: Form | None = field.metadata["form"]
-    return str(field.default) if form is None else form.word(field.default)
+    return str(default) if form is None else form.word(default)
 
 
 def _values(field: dataclasses.Field[Any]) -> str:

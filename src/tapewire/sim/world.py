@@ -171,8 +171,12 @@ class World:
         """Run until `done()`. Raises AssertionError when the world falls quiet or `limit` ns pass before that."""
         end = self.now + limit
         while not done():
-            assert self.step() or done(), f"everything is quiet and it is not done:\n{self._transcripts()}"
-            assert self.now <= end, f"not done after {limit / SECOND} s:\n{self._transcripts()}"
+            deadline = self._settle()
+            if done():
+                return
+            assert deadline is not None, f"everything is quiet and it is not done:\n{self._transcripts()}"
+            assert deadline <= end, f"not done after {limit / SECOND} s:\n{self._transcripts()}"
+            self.now = deadline
 
     def run_for(self, span: Nanos) -> None:
         """Let `span` ns pass."""

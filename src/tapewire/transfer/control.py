@@ -15,7 +15,7 @@ from tapewire.errors import UsageError
 from tapewire.line.open import TtyAddress
 from tapewire.line.transport import Transport
 from tapewire.sim.machine import Control
-from tapewire.transfer.files import StoredFile
+from tapewire.transfer.files import StoredFile, open_save, why
 from tapewire.transfer.program import Program
 from tapewire.transfer.reports import Result
 from tapewire.transfer.session import JobSettings, Session
@@ -38,9 +38,9 @@ class Operation(StrEnum):
 class ControlTask:
     """What the simulated control does on its line.
 
-    `punch` is the program it punches; `save` where it stores what it took. `blocks_per_second` None means as fast as
-    the program comes. After `reset_after` or `alarm_after` bytes of program the operator presses RESET, or the
-    control goes to alarm.
+    `punch` is the program it punches; `save` where it stores what it took, and a control that takes nothing leaves
+    that file as it is. `blocks_per_second` None means as fast as the program comes. After `reset_after` or
+    `alarm_after` bytes of program the operator presses RESET, or the control goes to alarm.
     """
 
     operation: Operation = Operation.DNC
@@ -58,31 +58,32 @@ class ControlTask:
 
 
 class _Taken:
-    """What the control took: counted, hashed, and stored where the operator wants it."""
+    """What the control took: counted, hashed, and stored where the operator wants it.
+
+    A file that exists is left alone until there is a first byte to put into it.
+    """
 
     def __init__(self, path: Path | None) -> None:
         self.digest = hashlib.sha256()
         self.error = ""
         """Why it could not be stored; empty while it could."""
         self.on_error: Callable[[], object] = lambda: None
-        self._file = StoredFile(path) if path is not None else None
-
-    def begin(self) -> None:
-        if self._file is not None:
-            self._try(self._file.begin)
+        self._file = open_save(path) if path is not None else None
 
     def write(self, data: bytes) -> None:
         self.digest.update(data)
-        if self._file is not None and not self.error:
-            self._try(self._file.write, data)
+        if data and self._file is not None and not self.error:
+            try:
+                self._store(self._file, data)
+            except OSError as error:
+                self.error = f"{self._file.path}: cannot be stored ({why(error)})"
+                self.on_error()
 
-    def _try(self, act: Callable[..., None], *what: bytes) -> None:
-        assert self._file is not None
-        try:
-            act(*what)
-        except OSError as error:
-            self.error = f"{self._file.path}: cannot be stored ({error.strerror})"
-            self.on_error()
+    @staticmethod
+    def _store(file: StoredFile, data: bytes) -> None:
+        if not file.byte_count:
+            file.begin()
+        file.write(data)
 
     def close(self) -> None:
         if self._file is not None:
@@ -128,7 +129,6 @@ async def run_control(task: ControlTask, job: JobSettings) -> Result:
         loop = asyncio.get_running_loop()
         # Later, because the control is in the middle of taking what cannot be stored.
         taken.on_error = lambda: loop.call_soon(session.abort)
-        taken.begin()
         if task.punch is not None:
             task.punch.rewind()
             cnc.punch(task.punch, now)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import shutil
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Final
 
@@ -35,7 +35,7 @@ class Program:
 
         Without `text` it is for a FANUC control that reads ASCII.
 
-        Raises ProgramError when it cannot be sent as it is, UsageError when the file cannot be read.
+        Raises ProgramError when it cannot be sent as it is, UsageError when the file cannot be read or kept.
         """
         try:
             with open(path, "rb") as file:
@@ -52,12 +52,14 @@ class Program:
     def _spooled(cls, name: str, file: IO[bytes], text: TextRules, raw: bool) -> Program:
         spool: IO[bytes] = tempfile.SpooledTemporaryFile(IN_MEMORY_BYTES)  # noqa: SIM115 - the program owns it
         try:
+            keep = _keeping(spool)
             if raw:
-                shutil.copyfileobj(file, spool)
+                while chunk := file.read(CHUNK_BYTES):
+                    keep(chunk)
                 spool.seek(0)
                 told = text.inspect_raw(spool.read)
             else:
-                told = text.prepare(file.read, spool.write)
+                told = text.prepare(file.read, keep)
             return cls(name, spool, told.changes, told.notes)
         except BaseException:
             spool.close()
@@ -83,3 +85,18 @@ class Program:
 
     def close(self) -> None:
         self._spool.close()
+
+
+def _keeping(spool: IO[bytes]) -> Callable[[bytes], int]:
+    """Writes to `spool`, and knows where that is. Raises UsageError when there is no room."""
+
+    def keep(data: bytes) -> int:
+        try:
+            return spool.write(data)
+        except OSError as error:
+            raise UsageError(
+                f"{tempfile.gettempdir()}: a program this long is kept there while it is sent, and cannot be"
+                f" ({error.strerror}); make room, or name another folder in TMPDIR"
+            ) from None
+
+    return keep

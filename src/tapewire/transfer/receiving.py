@@ -20,7 +20,7 @@ from tapewire.line.driver import monotonic
 from tapewire.line.transport import Transport
 from tapewire.protocols.bridgeport.host_arming import Policy
 from tapewire.protocols.text_rules import TextRules
-from tapewire.transfer.files import StoredFile
+from tapewire.transfer.files import open_part, why
 from tapewire.transfer.folder import ProgramFolder
 from tapewire.transfer.numbered import numbered_host
 from tapewire.transfer.reports import Result
@@ -37,6 +37,8 @@ RELEASE_AT_BYTES: Final = 16 * 1024
 GIVE_UP_AT_BYTES: Final = 1024 * 1024
 """A control that does not heed the pause ends the job here, before the memory does."""
 
+DISK_LIMIT_S: Final = 30.0
+"""So long after the end of a punch-out the disk may take to confirm it. Then the job fails, whatever it still does."""
 
 NO_LINKS: Final = frozenset({errno.EPERM, errno.ENOTSUP, errno.ENOSYS})
 
@@ -89,18 +91,20 @@ async def _receive(
         arm(now)
 
     try:
-        ended = await session.run(begin)
-    except BaseException:
-        if (store := stored()) is not None:
-            await store.finish()
-        raise
-    store = stored()
-    if store is None:
+        try:
+            ended = await session.run(begin)
+            if (store := stored()) is not None:
+                store.is_whole = ended.outcome is Outcome.COMPLETE
+        finally:
+            if (store := stored()) is not None:
+                await store.finish()
         session.report_progress()
-        return _nothing_stored(ended, session)
-    await store.finish(is_whole=ended.outcome is Outcome.COMPLETE)
-    session.report_progress()
-    return store.result(_verdict(ended, store, backlog), session)
+        if store is None:
+            return _nothing_stored(ended, session)
+        return store.result(_verdict(ended, store, backlog), session)
+    finally:
+        if (store := stored()) is not None:
+            store.close()
 
 
 def _nothing_stored(ended: Ended, session: Session) -> Result:
@@ -142,7 +146,13 @@ def _verdict(ended: Ended, store: _Store, backlog: _Backlog) -> tuple[Outcome, s
     if backlog.overflowed:
         return Outcome.FAILED, "the disk could not keep up and the control did not heed the pause"
     if store.error is not None:
-        return Outcome.FAILED, f"{store.path}: cannot be stored ({store.error.strerror})"
+        return Outcome.FAILED, f"{store.path}: cannot be stored ({why(store.error)})"
+    missing = f"the last {store.waiting:,} of {store.taken:,} bytes that came are not stored"
+    if store.is_abandoned:
+        lost = missing if store.waiting else "what was written last may not survive a power failure"
+        return Outcome.FAILED, f"{store.part}: the disk was not done after {DISK_LIMIT_S:g} s; {lost}"
+    if store.waiting:
+        return Outcome.FAILED, f"{store.part}: {missing}"
     if ended.outcome is Outcome.COMPLETE and store.damage:
         return Outcome.FAILED, "received to its end, but damaged: " + "; ".join(map(str, store.damage))
     return ended.outcome, ended.reason
@@ -190,15 +200,21 @@ class _Store:
         _check_name(path, force)
         self.path = path
         self.part = path.parent / (path.name + ".part")
-        self.error: OSError | None = None
+        self.error: Exception | None = None
         self.damage: Sequence[object] = ()
+        self.taken = 0
+        """Bytes that came."""
+        self.is_whole = False
+        """The punch-out came to its proper end: it makes a file, even of no bytes."""
+        self.is_abandoned = False
         self.on_progress: Callable[[], object] = lambda: None
         self._force = force
-        self._file = StoredFile(self.part)
+        self._file = open_part(self.part)
         self._reader = None if text is None else text.reader(self._put)
-        self._taken = 0
         self._written = 0
-        self._is_whole = False
+        self._is_done = False
+        self._ending = threading.Lock()
+        """Decides who closes the file: this thread while it is awaited, the storing one when it has been abandoned."""
         self._queue: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._work, name="tapewire-store", daemon=True)
         self._thread.start()
@@ -206,36 +222,37 @@ class _Store:
     @property
     def waiting(self) -> int:
         """Bytes received and not yet given to the file system."""
-        return self._taken - self._written
+        return self.taken - self._written
 
     def write(self, data: bytes) -> None:
-        self._taken += len(data)
+        self.taken += len(data)
         self._queue.put(data)
 
     def _work(self) -> None:
         try:
             while (data := self._queue.get()) is not None:
-                self._take(data)
+                self._reader.feed(data) if self._reader is not None else self._put(data)
+                self._written += len(data)
+                self.on_progress()
+            self._finish_text()
+        except Exception as error:
+            self.error = error
         finally:
-            self._finish_file()
+            with self._ending:
+                self._is_done = True
+                if self.is_abandoned:
+                    self._file.close()
             self.on_progress()
 
-    def _take(self, data: bytes) -> None:
-        if self.error is None:
-            try:
-                self._reader.feed(data) if self._reader is not None else self._put(data)
-            except OSError as error:
-                self.error = error
-        self._written += len(data)
-        self.on_progress()
-
     def _put(self, data: bytes) -> None:
+        if self.is_abandoned:
+            return
         if not self._file.byte_count:
             self._file.begin()
         self._file.write(data)
 
-    async def finish(self, *, is_whole: bool = False) -> None:
-        """Wait for the disk, which may take its time. A punch-out that is whole makes a file, even of no bytes."""
+    async def finish(self) -> None:
+        """Wait for the disk, at most DISK_LIMIT_S. One that hangs is abandoned: the thread then writes nothing more."""
         loop = asyncio.get_running_loop()
         finished = asyncio.Event()
 
@@ -243,46 +260,52 @@ class _Store:
             with suppress(RuntimeError):  # nobody waits any more, and the loop has ended
                 loop.call_soon_threadsafe(finished.set)
 
-        self._is_whole, self.on_progress = is_whole, tell
+        self.on_progress = tell
         self._queue.put(None)
-        while self._thread.is_alive() and not self._file.closed:
-            await finished.wait()
-            finished.clear()
-        self._thread.join()
-
-    def _finish_file(self) -> None:
         try:
-            if self.error is None:
-                self._finish_text()
-        except OSError as error:
-            self.error = error
+            with suppress(TimeoutError):
+                async with asyncio.timeout(DISK_LIMIT_S):
+                    while not self._is_done:
+                        await finished.wait()
+                        finished.clear()
         finally:
-            self._file.close()
+            with self._ending:
+                self.is_abandoned = not self._is_done
+        if not self.is_abandoned:
+            self._thread.join()
+
+    def close(self) -> None:
+        with self._ending:
+            if not self.is_abandoned:
+                self._file.close()
 
     def _finish_text(self) -> None:
         if self._reader is not None:
             self.damage = self._reader.finish()
-        if self._is_whole and not self._file.byte_count:
+        if self.is_whole and not self._file.byte_count:
             self._file.begin()
         self._file.sync()
 
     def result(self, verdict: tuple[Outcome, str], session: Session) -> Result:
-        """Give the file its name when it is complete."""
+        """Give the file its name when it is complete, and let go of it."""
         outcome, reason = verdict
-        if outcome is Outcome.COMPLETE:
-            try:
+        count, sha256 = self._file.stored
+        try:
+            if outcome is Outcome.COMPLETE:
                 self._name()
-            except OSError as error:
-                outcome = Outcome.FAILED
-                reason = f"{self.path}: cannot be named so ({error.strerror}); it is in {self.part}"
-        elif self._file.byte_count:
-            reason += f"; what came is in {self.part}"
+            elif count:
+                reason += f"; what came is in {self.part}"
+        except OSError as error:
+            outcome = Outcome.FAILED
+            reason = f"{self.path}: cannot be named so ({error.strerror}); it is in {self.part}"
+        finally:
+            self.close()
         return Result(
             outcome=outcome,
             reason=reason,
-            bytes=self._file.byte_count,
-            bytes_handed=self._file.byte_count,
-            sha256=self._file.sha256,
+            bytes=count,
+            bytes_handed=count,
+            sha256=sha256,
             seconds=session.seconds,
             stops=session.stops,
             utilisation=None,

@@ -27,10 +27,6 @@ class StopDistanceTold:
     guaranteed: bool
     how: str
 
-    @property
-    def enough(self) -> bool:
-        return self.guaranteed and self.characters <= self.needed
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:

@@ -42,6 +42,8 @@ class JobSettings:
     observer: Observer = nothing
     stop: asyncio.Event = field(default_factory=asyncio.Event)
     """Set it to give the job up in an orderly way: nothing leaves after its end."""
+    began: Nanos = field(default_factory=monotonic)
+    """`timeout_s` counts from here: what is prepared before the line is opened counts too."""
 
     def observed_by(self, observer: Observer, stop: asyncio.Event) -> JobSettings:
         return replace(self, observer=observer, stop=stop)
@@ -184,7 +186,7 @@ class Session:
     async def _race(self, work: asyncio.Future[Any]) -> None:
         """Until `work` is done, the caller wants to stop, or the time is up."""
         stopping = asyncio.ensure_future(self.job.stop.wait())
-        left = None if self.job.timeout_s is None else max(0.0, self.job.timeout_s - self.seconds)
+        left = None if self.job.timeout_s is None else self.job.timeout_s - (monotonic() - self.job.began) / SECOND
         try:
             await asyncio.wait([work, stopping], timeout=left, return_when=asyncio.FIRST_COMPLETED)
             if not work.done() and not stopping.done():

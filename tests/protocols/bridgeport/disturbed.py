@@ -41,6 +41,9 @@ class Disturbed:
     def in_flight(self, now: Nanos) -> int:
         return self._line.in_flight(now)
 
+    def on_its_way(self, now: Nanos) -> int:
+        return self._line.on_its_way(now)
+
     def discard(self, now: Nanos) -> int:
         return self._line.discard(now)
 

@@ -221,23 +221,40 @@ def test_what_left_just_before_a_reset_was_heard_is_not_certain() -> None:
     assert (rig.end.bytes_low, rig.end.bytes_high) == (500, 1000)
 
 
+def test_what_left_after_a_stop_is_not_certain_until_dc1_shows_that_it_was_one() -> None:
+    """Blind, a reset after the buffer may have filled looks like a stop; the control dropped what came behind it."""
+    rig = Rig(posting="off")
+    rig.hear(DC1)
+    rig.take(8000)
+    rig.wait(SECOND)
+    rig.hand_over(40)
+    rig.hear(DC3)
+    rig.leave()
+    rig.wait(60 * SECOND)
+    rig.host.abort(rig.now)
+    assert rig.end is not None
+    assert (rig.end.bytes_low, rig.end.bytes_high) == (8000, 8040)
+
+
 def test_abort_calls_back_what_has_not_left_and_sends_no_eor() -> None:
     rig = Rig()
     rig.hear(DC1)
     rig.take(1000)
+    rig.wait(SECOND)
     rig.hand_over(200)
     rig.host.abort(rig.now)
     assert rig.host.data_to_send(100) == b""
     rig.recall(150)
     rig.leave()
     assert rig.end is not None
-    assert (rig.end.outcome, rig.end.bytes_low, rig.end.bytes_high) == (Outcome.CANCELLED, 1050, 1050)
+    assert (rig.end.outcome, rig.end.bytes_low, rig.end.bytes_high) == (Outcome.CANCELLED, 1000, 1050)
 
 
 def test_abort_on_a_stuck_line_says_between_which_two_counts_the_control_stands() -> None:
     rig = Rig()
     rig.hear(DC1)
     rig.take(1000)
+    rig.wait(SECOND)
     rig.hand_over(200)
     rig.host.abort(rig.now)
     rig.recall(150)

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from io import BytesIO
+
 import pytest
 
 from tapewire.engine import (
     SECOND,
     Held,
+    LineFault,
     Notice,
     Outcome,
     Requested,
     Started,
+    Violation,
 )
-from tests.protocols.fanuc_b.host_rig import DC1, DC3, PROGRAM, Rig
+from tests.protocols.fanuc_b.host_rig import DC1, DC3, DC3_ISO, PROGRAM, Rig
 
 
 def test_6_4_1_without_posting_a_falling_er_ends_the_job() -> None:
@@ -21,6 +25,7 @@ def test_6_4_1_without_posting_a_falling_er_ends_the_job() -> None:
     rig.see()
     rig.hear(DC1)
     rig.take(8000)
+    rig.wait(SECOND)
     rig.hear(DC3)
     rig.wait(SECOND)
     rig.see(dsr=False)
@@ -96,10 +101,98 @@ def test_blind_the_risk_is_said_before_the_first_byte() -> None:
     rig = Rig(posting="off")
     rig.hear(DC1)
     assert [type(event) for event in rig.events] == [Requested, Notice, Started]
+    posting = Rig()
+    posting.hear(DC1)
+    assert [type(event) for event in posting.events] == [Requested, Notice, Started]
     seeing = Rig(posting="off")
     seeing.see()
     seeing.hear(DC1)
     assert not seeing.of(Notice)
+
+
+@pytest.mark.parametrize("posting", ["on", "off"])
+def test_a_dc3_while_the_last_bytes_are_on_their_way_is_no_end(posting: str) -> None:
+    """Found by a reset at byte 150 of 190, which was reported as complete: EOR had not even arrived."""
+    rig = Rig(b"%\nO1\nM30\n%", posting=posting)
+    rig.see()
+    rig.hear(DC1)
+    rig.hand_over(100)
+    rig.hear(DC3)
+    rig.leave()
+    rig.wait(60 * SECOND)
+    assert rig.end is None
+    rig.see(dsr=False)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+
+
+def test_with_posting_er_falls_at_power_off_only_so_without_the_last_dc3_it_is_no_end() -> None:
+    rig = Rig(b"%\nO1\nM30\n%")
+    rig.see()
+    rig.hear(DC1)
+    rig.take(100)
+    rig.see(dsr=False)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+
+
+def test_a_dc1_while_sending_is_a_new_start_and_gets_nothing_unless_er_is_on() -> None:
+    """A control that lost power, or does not post its reset, asks anew: it must not get the middle."""
+    rig = Rig()
+    rig.hear(DC1 + DC1)
+    assert rig.of(Violation), "nothing had been sent: a doubled DC1"
+    rig.take(100)
+    rig.hear(DC1)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+    assert rig.take(10) == b""
+    seeing = Rig()
+    seeing.see()
+    seeing.hear(DC1)
+    seeing.take(100)
+    seeing.hear(DC1)
+    assert seeing.take(10) == PROGRAM[100:110]
+
+
+def test_3_2_rs_off_from_the_start_is_told() -> None:
+    rig = Rig()
+    rig.see(cts=False)
+    rig.hear(DC1)
+    assert rig.take(10) == b""
+    assert rig.of(Held) == [Held(why="the control's RS is OFF")]
+    rig.see(cts=True)
+    assert rig.take(10) == PROGRAM[:10]
+
+
+def test_a_clean_dc3_after_a_damaged_character_is_an_ordinary_stop() -> None:
+    rig = Rig(posting="off")
+    rig.hear(DC1)
+    rig.take(8000)
+    rig.host.receive_line_fault(LineFault.PARITY, 0x11, rig.now)
+    rig.hear(DC3)
+    rig.wait(3600 * SECOND)
+    assert rig.end is None
+    rig.hear(DC1)
+    assert rig.take(10) == PROGRAM[8000:8010]
+
+
+def test_a_binary_punch_out_is_not_cut_where_our_own_pause_falls_on_a_14h() -> None:
+    """The character behind it, which shows that it was data, comes only after our resume."""
+    rig = Rig(b"", data="binary")
+    sink = BytesIO()
+    rig.host.receive(sink, 0)
+    rig.hear(b"\x12abc")
+    rig.host.hold_reception(rig.now)
+    assert rig.take(1) == DC3_ISO
+    rig.hear(b"def\x14")
+    rig.wait(3600 * SECOND)
+    assert rig.end is None
+    rig.host.release(rig.now)
+    assert rig.take(1) == DC1
+    rig.hear(b"ghi\x14")
+    rig.wait(SECOND)
+    assert rig.end is not None
+    assert (rig.end.outcome, sink.getvalue()) == (Outcome.COMPLETE, b"abcdef\x14ghi")
 
 
 def test_with_posting_an_early_dc3_is_a_stop_if_dc1_follows_soon() -> None:
@@ -108,7 +201,7 @@ def test_with_posting_an_early_dc3_is_a_stop_if_dc1_follows_soon() -> None:
     rig.take(100)
     rig.hear(DC3)
     assert rig.of(Held) == [Held(why="DC3")]
-    assert rig.of(Notice) == [Notice(text="DC3 before the buffer can have filled")]
+    assert rig.of(Notice)[-1] == Notice(text="DC3 before the buffer can have filled")
     rig.wait(2 * SECOND - 1)
     rig.hear(DC1)
     assert rig.take(10) == PROGRAM[100:110]

@@ -18,7 +18,6 @@ from __future__ import annotations
 from typing import Final
 
 from tapewire.engine import (
-    MILLISECOND,
     SECOND,
     Closure,
     Ended,
@@ -42,30 +41,26 @@ from tapewire.engine import (
 )
 from tapewire.errors import UsageError
 from tapewire.protocols.fanuc_b.host_delivery import Delivery
-from tapewire.protocols.fanuc_b.host_law import LAW, State, Timer
+from tapewire.protocols.fanuc_b.host_law import (
+    DAMAGED_WAIT,
+    FEED,
+    LAW,
+    LEAVING,
+    LOOK_AHEAD,
+    LOOKS_LIKE_RESET,
+    RISK_BLIND,
+    RISK_POWER,
+    SOURCE_POLL,
+    State,
+    Timer,
+)
 from tapewire.protocols.fanuc_b.host_reception import Reception
 from tapewire.protocols.fanuc_b.messages import ControlCode, ErLine, Params, PauseBy, SynAtEnd, code_of, encode
 from tapewire.protocols.settings import Switch
 
 __all__ = ["LAW", "FanucBHost", "State"]
 
-LOOK_AHEAD: Final = 4096
-"""Bytes of the program taken from its source before the line asks for them."""
-
-SOURCE_POLL: Final[Nanos] = 10 * MILLISECOND
-"""How often a source that had nothing yet is asked again."""
-
-LEAVING: Final[Nanos] = SECOND
-"""After a job has ended, what was on its way gets so long to leave before it counts as undecided."""
-
-DAMAGED_WAIT: Final[Nanos] = 60 * SECOND
-"""A damaged character may have been the DC1 we wait for: after so long without another, the job has failed."""
-
-
-_FEED: Final = b"\x00\x7f"
-"""Blank and rubbed-out tape, which says nothing."""
-
-_TRANSFERRING: Final = frozenset({State.SENDING, State.HELD, State.RECEIVING})
+_TRANSFERRING: Final = frozenset({State.SENDING, State.HELD, State.DELIVERED, State.RECEIVING})
 
 
 class FanucBHost:
@@ -81,19 +76,16 @@ class FanucBHost:
         self._timers = Timers()
         self._events = Events()
         self._rs = True
-        self._er = False
-        self._sees_er = False
-        self._has_signals = False
+        self._er = self._sees_er = self._has_signals = False
+        self._held_by_damage = False
         self._recall = False
         self._delivery = Delivery(params.limits)
         self._source: Source | None = None
-        self._ahead = b""
-        self._exhausted = False
+        self._ahead, self._exhausted = b"", False
         self._reception: Reception | None = None
-        self._pause_wanted = False
-        self._pause_told = False
+        self._pause_wanted = self._pause_told = False
         self._ending: tuple[Outcome, str] | None = None
-        self._certain: int | None = None
+        self._certain = 0
 
     # the application's side
 
@@ -116,7 +108,6 @@ class FanucBHost:
             began = self.progress or self._state is State.RECEIVING
             advice = "; RESET the control before anything else is sent to it" if began else " before anything was sent"
             self._end(Outcome.CANCELLED, f"given up here{advice}", now)
-            self._certain = None
 
     def hold_reception(self, now: Nanos) -> None:
         """Pause the punch-out, or the next one (6.1.1 2) (3)). The control may still send its overrun."""
@@ -127,6 +118,7 @@ class FanucBHost:
     def release(self, now: Nanos) -> None:
         """Let the paused punch-out go on (6.1.1 2) (4), 6.1.2 (4))."""
         self._pause_wanted = False
+        self._listen_for_notice(now)
 
     @property
     def state(self) -> State:
@@ -138,7 +130,6 @@ class FanucBHost:
 
     @property
     def needs_stop_distance(self) -> int:
-        """6.3, chapter 7."""
         return self._params.limits.overrun
 
     # from the line
@@ -155,13 +146,12 @@ class FanucBHost:
                 position += 1
 
     def receive_line_fault(self, fault: LineFault, byte: int | None, now: Nanos) -> None:
-        """A damaged character is never obeyed as DC1. While we send, the control says nothing that does not begin with
-        DC3, so a damaged character stops us: a pause is better than an overrun.
-        """
+        """Never obeyed as DC1. While we send, the control says nothing that does not begin with DC3: so it stops us."""
         self._events.put(Violation(what=f"{fault} in what the control sent"))
         match self._state:
             case State.SENDING:
                 self._state = State.HELD
+                self._held_by_damage = True
                 self._events.put(Held(why=f"{fault}: it may have been DC3"))
                 self._timers.start(Timer.DAMAGED, now + DAMAGED_WAIT)
             case State.HELD:
@@ -184,7 +174,7 @@ class FanucBHost:
         if self._params.er is ErLine.HIDDEN:
             return
         self._sees_er = self._sees_er or signals.dsr
-        if fell and self._state in (State.DELIVERED, State.CLOSING):
+        if fell and self._may_be_end_of_er:
             self._end(Outcome.COMPLETE, "the control has read the whole program and turned ER OFF", now)
         elif fell and self._state is State.AFTER_DC4:
             self._finish_reception(now)
@@ -193,7 +183,7 @@ class FanucBHost:
 
     def receive_closed(self, closure: Closure, reason: str, now: Nanos) -> None:
         """The end of a TCP line counts as ER OFF."""
-        delivered = self._state in (State.DELIVERED, State.CLOSING)
+        delivered = self._state in (State.DELIVERED, State.CLOSING) and not self._delivery.in_flight
         if delivered and closure is Closure.ORDERLY:
             self._end(Outcome.COMPLETE, "the control has read the whole program and closed the line", now)
         elif self._state is State.AFTER_DC4 and closure is Closure.ORDERLY:
@@ -206,7 +196,8 @@ class FanucBHost:
     # to the line
 
     def data_to_send(self, limit: int) -> bytes:
-        if self._state is State.RECEIVING and self._pause_by_code and self._pause_wanted is not self._pause_told:
+        receiving = self._state in (State.RECEIVING, State.AFTER_DC4)
+        if receiving and self._pause_by_code and self._pause_wanted is not self._pause_told:
             code = ControlCode.DC3 if self._pause_wanted else self._params.resume_code
             return encode(code, self._params.code)
         if self._state is State.SENDING and self._rs:
@@ -215,8 +206,9 @@ class FanucBHost:
 
     def data_sent(self, count: int, now: Nanos) -> None:
         self._delivery.hand_over(count)
-        if self._state is State.RECEIVING:
+        if self._state in (State.RECEIVING, State.AFTER_DC4):
             self._pause_told = self._pause_wanted
+            self._listen_for_notice(now)
             return
         self._ahead = self._ahead[count:]
         self._fill(now)
@@ -238,7 +230,7 @@ class FanucBHost:
 
     @property
     def signals(self) -> SignalsOut:
-        """ON throughout, but for a pause by CS: with them OFF the control posts nothing (6.1.2) or alarms (3.2)."""
+        """ON, but for a pause by CS: with them OFF the control posts nothing (6.1.2) or alarms (3.2)."""
         return SignalsOut(rts=self._pause_by_code or not self._pause_wanted)
 
     # time and what happened
@@ -258,7 +250,7 @@ class FanucBHost:
                 case Timer.DAMAGED:
                     self._end(Outcome.FAILED, "a damaged character came from the control and nothing after it", now)
                 case Timer.EARLY_STOP:
-                    self._end(Outcome.FAILED, f"a DC3 that cannot have been a stop: {_LOOKS_LIKE_RESET}", now)
+                    self._end(Outcome.FAILED, f"a DC3 that cannot have been a stop: {LOOKS_LIKE_RESET}", now)
                 case Timer.LEAVING:
                     self._finish()
 
@@ -271,7 +263,7 @@ class FanucBHost:
         code = code_of(byte)
         if code is not None:
             self._receive_code(code, now)
-        elif self._state is not State.LEAVING and byte not in _FEED:
+        elif self._state is not State.LEAVING and byte not in FEED:
             self._events.put(Violation(what="the control sent characters that are no control codes"))
 
     def _receive_code(self, code: ControlCode, now: Nanos) -> None:
@@ -291,7 +283,7 @@ class FanucBHost:
                 self._on_dc3(now)
             case ControlCode.DC4:
                 self._state = State.AFTER_DC4
-                self._timers.start(Timer.NOTICE, now + round(self._params.notice_time * SECOND))
+                self._listen_for_notice(now)
             case ControlCode.NAK | ControlCode.SYN:
                 self._on_notice(code, now)
         assert self._state in allowed, f"{code.name} led to {self._state}"
@@ -300,20 +292,23 @@ class FanucBHost:
         """6.1.1 1) (2), (6)."""
         for timer in (Timer.DAMAGED, Timer.CLOSING, Timer.EARLY_STOP):
             self._timers.stop(timer)
+        self._held_by_damage = False
         match self._state:
             case State.ARMED:
                 self._events.put(Requested())
-                if self._blind:
-                    self._events.put(Notice(text=_RISK))
+                if not self._sees_er:
+                    self._events.put(Notice(text=RISK_BLIND if self._blind else RISK_POWER))
                 self._events.put(Started(why="DC1: from the first byte of the program"))
                 self._delivery.start()
-                self._state = State.SENDING
-                self._fill(now)
+                self._begin_sending(now)
             case State.HELD:
                 self._delivery.start()
-                self._state = State.SENDING
                 self._events.put(Resumed(why="DC1"))
-                self._fill(now)
+                self._begin_sending(now)
+            case State.SENDING if self._delivery.sent and not self._er:
+                self._end(Outcome.FAILED, f"DC1 while sending: {LOOKS_LIKE_RESET}", now)
+            case State.SENDING:
+                self._events.put(Violation(what="DC1 while sending"))
             case State.CLOSING:
                 self._state = State.DELIVERED
                 self._events.put(Resumed(why="DC1: the control reads on; nothing is left to send"))
@@ -327,17 +322,27 @@ class FanucBHost:
                 self._on_closing_dc3(now)
             case State.RECEIVING:
                 self._end(Outcome.FAILED, "the control stopped in the middle of its punch-out (DC3)", now)
+            case State.HELD if self._held_by_damage:
+                self._on_sending_dc3(now)
             case State.HELD if self._blind:
-                self._end(Outcome.FAILED, f"a second DC3 with no DC1 between: {_LOOKS_LIKE_RESET}", now)
+                self._end(Outcome.FAILED, f"a second DC3 with no DC1 between: {LOOKS_LIKE_RESET}", now)
             case State.HELD:
                 self._doubt_stop("a second DC3 with no DC1 between", now)
-            case _ if self._blind and not self._delivery.may_have_filled_the_buffer:
-                self._end(Outcome.FAILED, f"DC3 before the buffer can have filled: {_LOOKS_LIKE_RESET}", now)
             case _:
-                self._state = State.HELD
-                self._events.put(Held(why="DC3"))
-                if not self._delivery.may_have_filled_the_buffer:
-                    self._doubt_stop("DC3 before the buffer can have filled", now)
+                self._on_sending_dc3(now)
+
+    def _on_sending_dc3(self, now: Nanos) -> None:
+        """A stop (6.1.1 1) (4)), or where nothing else tells of one, a reset."""
+        if self._blind and not self._delivery.may_have_filled_the_buffer:
+            self._end(Outcome.FAILED, f"DC3 before the buffer can have filled: {LOOKS_LIKE_RESET}", now)
+            return
+        self._state = State.HELD
+        self._certain = self._delivery.certain(now)
+        self._held_by_damage = False
+        self._timers.stop(Timer.DAMAGED)
+        self._events.put(Held(why="DC3"))
+        if not self._delivery.may_have_filled_the_buffer:
+            self._doubt_stop("DC3 before the buffer can have filled", now)
 
     def _doubt_stop(self, what: str, now: Nanos) -> None:
         """A control that posts says SYN or NAK after a DC3 that is no stop. If nothing says so and ER cannot be seen,
@@ -348,7 +353,13 @@ class FanucBHost:
             self._timers.start(Timer.EARLY_STOP, now + round(self._params.early_stop * SECOND))
 
     def _on_closing_dc3(self, now: Nanos) -> None:
-        """The end of the read, unless it can be a stop, or SYN or NAK follows it (6.1.1 1) (7), 6.1.2 (7))."""
+        """The end of the read, unless it can be a stop, or SYN or NAK follows it (6.1.1 1) (7), 6.1.2 (7)).
+
+        While something is on its way the control cannot have read EOR: then it is a stop, or a reset.
+        """
+        if self._delivery.in_flight:
+            self._on_sending_dc3(now)
+            return
         may_be_stop = self._delivery.may_have_filled_the_buffer and not self._delivery.long_silent(now)
         if self._state is State.DELIVERED and may_be_stop:
             wait = self._params.closing_time
@@ -359,6 +370,12 @@ class FanucBHost:
             return
         self._state = State.CLOSING
         self._timers.start(Timer.CLOSING, now + round(wait * SECOND))
+
+    @property
+    def _may_be_end_of_er(self) -> bool:
+        """With posting ER stays ON until power-off (6.1.2), so it may only fall behind the last DC3."""
+        delivered = self._state is State.DELIVERED and self._params.posting is Switch.OFF
+        return (delivered or self._state is State.CLOSING) and not self._delivery.in_flight
 
     @property
     def _blind(self) -> bool:
@@ -398,6 +415,20 @@ class FanucBHost:
         if code is not None:
             self._receive_code(code, now)
         return position
+
+    def _listen_for_notice(self, now: Nanos) -> None:
+        """After DC4, from when nothing of ours holds the control back: in binary data the DC4 may be program, and what
+        shows it may be held back by our own pause.
+        """
+        paused = self._pause_wanted or self._pause_told
+        if self._state is State.AFTER_DC4 and not paused and not self._timers.running(Timer.NOTICE):
+            self._timers.start(Timer.NOTICE, now + round(self._params.notice_time * SECOND))
+
+    def _begin_sending(self, now: Nanos) -> None:
+        self._state = State.SENDING
+        if not self._rs:
+            self._events.put(Held(why="the control's RS is OFF"))
+        self._fill(now)
 
     def _still_program(self, byte: int) -> bool:
         assert self._reception is not None
@@ -444,7 +475,8 @@ class FanucBHost:
         """The job is over. One that is whole waits for its last byte to leave; any other calls back what it can."""
         self._timers.stop_all()
         self._ending = outcome, reason
-        self._certain = self._delivery.certain(now)
+        if self._state is not State.HELD or self._held_by_damage:
+            self._certain = self._delivery.certain(now)
         self._state = State.LEAVING
         self._ahead = b""
         self._pause_wanted = self._pause_told = False
@@ -462,18 +494,6 @@ class FanucBHost:
         self._state = State.IDLE
         low = high = self.progress
         if self._reception is None and outcome is not Outcome.COMPLETE:
-            left = max(0, high - self._delivery.in_flight)
-            low = left if self._certain is None else min(left, self._certain)
+            low = max(0, min(self._certain, high - self._delivery.in_flight))
         self._source = None
         self._events.put(Ended(outcome=outcome, reason=reason, bytes_low=low, bytes_high=high))
-
-
-_LOOKS_LIKE_RESET: Final = (
-    "the control was reset or has an alarm, and its next DC1 would be a start, not a resume; RESET the control and "
-    "send again (with 5000#3 = 1 and posting=on it would say which)"
-)
-
-_RISK: Final = (
-    "posting is off and ER cannot be seen: a reset after the buffer has filled looks like a stop, and the start that "
-    "follows it would get the middle of the program; stop this job before you start the control anew"
-)

@@ -1,4 +1,4 @@
-"""What the host may do when, on protocol B: its states, its deadlines, and the table that is law.
+"""What the host may do when, on protocol B: its states, its deadlines, the table that is law, and its reasons.
 
 The engine in `host.py` chooses; after each code it checks its choice against this table.
 """
@@ -8,9 +8,22 @@ from __future__ import annotations
 from enum import Enum
 from typing import Final
 
+from tapewire.engine import MILLISECOND, SECOND, Nanos
 from tapewire.protocols.fanuc_b.messages import ControlCode
 
-__all__ = ["LAW", "State", "Timer"]
+__all__ = [
+    "DAMAGED_WAIT",
+    "FEED",
+    "LAW",
+    "LEAVING",
+    "LOOKS_LIKE_RESET",
+    "LOOK_AHEAD",
+    "RISK_BLIND",
+    "RISK_POWER",
+    "SOURCE_POLL",
+    "State",
+    "Timer",
+]
 
 
 class State(Enum):
@@ -46,6 +59,21 @@ class Timer(Enum):
     EARLY_STOP = "early stop"
 
 
+LOOK_AHEAD: Final = 4096
+"""Bytes of the program taken from its source before the line asks for them."""
+
+FEED: Final = b"\x00\x7f"
+"""Blank and rubbed-out tape, which says nothing."""
+
+SOURCE_POLL: Final[Nanos] = 10 * MILLISECOND
+"""How often a source that had nothing yet is asked again."""
+
+LEAVING: Final[Nanos] = SECOND
+"""After a job has ended, what was on its way gets so long to leave before it counts as undecided."""
+
+DAMAGED_WAIT: Final[Nanos] = 60 * SECOND
+"""A damaged character may have been the DC1 we wait for: after so long without another, the job has failed."""
+
 _ENDING: Final = frozenset({State.LEAVING, State.IDLE})
 
 _DC1, _DC2, _DC3, _DC4 = ControlCode.DC1, ControlCode.DC2, ControlCode.DC3, ControlCode.DC4
@@ -54,10 +82,11 @@ LAW: Final[dict[tuple[State, ControlCode], frozenset[State]]] = {
     (State.IDLE, _DC1): frozenset({State.IDLE}),
     (State.LISTENING, _DC1): frozenset({State.LISTENING}),
     (State.ARMED, _DC1): frozenset({State.SENDING, State.DELIVERED}),
+    (State.SENDING, _DC1): frozenset({State.SENDING}) | _ENDING,
     (State.SENDING, _DC3): frozenset({State.HELD}) | _ENDING,
     (State.HELD, _DC1): frozenset({State.SENDING, State.DELIVERED}),
     (State.HELD, _DC3): frozenset({State.HELD}) | _ENDING,
-    (State.DELIVERED, _DC3): frozenset({State.CLOSING}) | _ENDING,
+    (State.DELIVERED, _DC3): frozenset({State.CLOSING, State.HELD}) | _ENDING,
     (State.CLOSING, _DC1): frozenset({State.DELIVERED}),
     (State.CLOSING, _DC3): frozenset({State.CLOSING}) | _ENDING,
     (State.LISTENING, _DC2): frozenset({State.RECEIVING}),
@@ -71,3 +100,18 @@ LAW: Final[dict[tuple[State, ControlCode], frozenset[State]]] = {
     },
 }
 """What each code may do in each state (6.1, 6.4). A pair without a row is a Violation and changes nothing."""
+
+LOOKS_LIKE_RESET: Final = (
+    "the control was reset or has an alarm, and its next DC1 would be a start, not a resume; RESET the control and "
+    "send again (with 5000#3 = 1 and posting=on it would say which)"
+)
+
+RISK_POWER: Final = (
+    "ER cannot be seen: if the control loses power while it holds the host, its next start looks like a resume and "
+    "would get the middle of the program; stop this job before you start the control anew"
+)
+
+RISK_BLIND: Final = (
+    "posting is off and ER cannot be seen: a reset after the buffer has filled looks like a stop, and the start that "
+    "follows it would get the middle of the program; stop this job before you start the control anew"
+)

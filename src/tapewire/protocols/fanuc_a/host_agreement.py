@@ -1,0 +1,112 @@
+"""What host and control have agreed on by SAT and SET (B-63322EN-1 4.4.2, 4.5), and what follows for the length of a
+DAT and for the time the control may be silent.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Final
+
+from tapewire.engine import MILLISECOND, SECOND, Nanos
+from tapewire.protocols.fanuc_a.messages import LONGEST_DAT
+from tapewire.protocols.fanuc_a.params import Params, SetData
+from tapewire.protocols.fanuc_a.status import POWER_ON, Parameters, Setting, Status
+
+__all__ = ["Agreement"]
+
+MOST_TRIES: Final = 3
+"""A control that has not taken a SET by then will not: it is told no more, and what its SAT says holds."""
+
+
+class Agreement:
+    """The parameters in force, as far as the host can know them."""
+
+    def __init__(self, params: Params) -> None:
+        self._params = params
+        self._wanted = params.wanted
+        self._reported = POWER_ON
+        self._asked: Parameters | None = None
+        self._tries = 0
+        self.settled = False
+        """A SET with data has been sent since the control was last initialised."""
+        self.refused = False
+        """The control keeps other parameters than those it was asked to take."""
+
+    def begin_anew(self) -> None:
+        """SYN: whether it resets the parameters is not stated, so all of them are set again."""
+        self.settled = False
+        self._tries = 0
+        self._asked = None
+        self.refused = False
+
+    def hear(self, status: Status) -> None:
+        """A SAT says what is in force now."""
+        self._asked = None
+        self._reported = status.parameters
+        if self._reported == self._wanted:
+            self._tries = 0
+        self.refused = self._reported != self._wanted and self._tries >= MOST_TRIES
+
+    @property
+    def base(self) -> Parameters:
+        """What a SAT does not say."""
+        return self._asked or self._reported
+
+    def set_data(self) -> bytes:
+        """The data of the SET that answers a SAT; empty when nothing is to be changed."""
+        differs = self._reported != self._wanted and self._tries < MOST_TRIES
+        if not differs and self.settled and self._params.set_data is SetData.CHANGES:
+            return b""
+        self.settled = True
+        self._tries += differs
+        self._asked = self._wanted
+        setting = Setting(switching=f"{self._params.switching:X}", parameters=self._wanted)
+        return setting.encode(int(self._params.set_length))
+
+    @property
+    def differences(self) -> str:
+        """What the control has, where it is not what we want."""
+        values = [
+            f"{field.name} is {getattr(self._reported, field.name)}, not {getattr(self._wanted, field.name)}"
+            for field in dataclasses.fields(Parameters)
+            if getattr(self._reported, field.name) != getattr(self._wanted, field.name)
+        ]
+        return "; ".join(values)
+
+    @property
+    def _possible(self) -> tuple[Parameters, ...]:
+        """A SET that no SAT has confirmed may be in force or not."""
+        return (self._reported,) if self._asked is None else (self._reported, self._asked)
+
+    @property
+    def n(self) -> int:
+        """Packet length in force; 0 is protocol A. The first SET that drew no RTY was taken; of a control whose next
+        SAT says otherwise that is not believed again.
+        """
+        n = self.base.n if self._tries <= 1 else self._reported.n
+        return n if n in (1, 2, 4) else 0
+
+    @property
+    def ne(self) -> int:
+        return min(parameters.ne for parameters in self._possible)
+
+    @property
+    def to(self) -> Nanos:
+        return min(parameters.to for parameters in self._possible) * SECOND
+
+    @property
+    def turn_time(self) -> Nanos:
+        """Tx: how long the control may take before it answers."""
+        return max(each.tx for each in (*self._possible, POWER_ON)) * MILLISECOND
+
+    @property
+    def longest_silence(self) -> Nanos:
+        """Tp + Tx, and Tw where it is longer (4.3 (4), 4.5)."""
+        possible = (*self._possible, POWER_ON) if not self.settled else self._possible
+        longest_ms = max(max(each.tp_ms, each.tw * 1000) + each.tx for each in possible)
+        return longest_ms * MILLISECOND
+
+    def longest_dat(self, rate: int) -> int:
+        """Nb - No, at most 4096 and at most what a line of `rate` characters a second carries in half of To."""
+        longest = min(self._params.longest_dat, LONGEST_DAT, *(each.longest_dat for each in self._possible))
+        return min(longest, max(1, rate * self.to // (2 * SECOND))) if rate else longest

@@ -1,0 +1,153 @@
+"""Hearing and saying, one message at a time: repetition on request, asking again, and when silence is too long
+(B-63322EN-1 4.3, 4.4.1 RTY, 4.6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final, TypeAlias
+
+from tapewire.engine import MILLISECOND, SECOND, Nanos, Timers
+from tapewire.protocols.fanuc_a.host_agreement import Agreement
+from tapewire.protocols.fanuc_a.host_law import Timer
+from tapewire.protocols.fanuc_a.host_outbox import Outbox, Span
+from tapewire.protocols.fanuc_a.messages import (
+    LONGEST_DATA,
+    Command,
+    Message,
+    Reading,
+    RetryReason,
+    Unreadable,
+    encode_message,
+)
+from tapewire.protocols.fanuc_a.packets import BadMonitor, HostReader, MonitorPacket
+from tapewire.protocols.fanuc_a.params import Params, Retries
+
+__all__ = ["Exchange", "Heard"]
+
+Heard: TypeAlias = Reading | MonitorPacket | BadMonitor
+
+QUIET: Final[Nanos] = 50 * MILLISECOND
+"""RTY goes out when what could not be read is over: the control hears nothing while it sends (4.6 3))."""
+
+_QUIET_CHARACTERS: Final = 12
+"""On a slow line the pause is longer: twice the shortest message."""
+
+_LONGEST_MESSAGE: Final = LONGEST_DATA + 6
+
+
+class Exchange:
+    """The line side of the host: what was said last, what is being heard, and how often it went wrong."""
+
+    def __init__(self, params: Params, agreement: Agreement, timers: Timers) -> None:
+        self._params = params
+        self._agreement = agreement
+        self._timers = timers
+        self._last: tuple[Message, Span | None] | None = None
+        self._heard_at: Nanos | None = None
+        self._retries = 0
+        self.outbox = Outbox()
+        self.reader = HostReader(params.coding, longest=LONGEST_DATA)
+
+    def begin(self, now: Nanos) -> None:
+        """The line is there: silence counts from now on."""
+        if self._heard_at is None:
+            self._heard_at = now
+
+    # hearing
+
+    def read(self, data: bytes, now: Nanos) -> Iterator[Heard]:
+        """What can be made of `data`."""
+        position = 0
+        while position < len(data):
+            if not self.reader.pending:
+                self._heard_at = now
+            position, heard = self.reader.read(data, position)
+            if heard is not None:
+                self._heard_at = now
+                yield heard
+        self.wait_for_rest(now)
+
+    def wait_for_rest(self, now: Nanos) -> None:
+        """More characters belong to what has begun; or the noise goes on."""
+        self._timers.stop(Timer.INTERBYTE)
+        if self._timers.running(Timer.QUIET):
+            self.wait_for_quiet(now)
+        elif self.reader.pending:
+            self._timers.start(Timer.INTERBYTE, now + round(self._params.interbyte * SECOND))
+
+    def damage(self, now: Nanos) -> None:
+        """A character came damaged."""
+        self.begin(now)
+        self.reader.damage()
+        self._timers.start(Timer.INTERBYTE, now + round(self._params.interbyte * SECOND))
+
+    def break_off(self) -> Unreadable | BadMonitor | None:
+        """What has begun does not go on."""
+        return self.reader.break_off()
+
+    def wait_for_quiet(self, now: Nanos) -> None:
+        self._timers.stop(Timer.INTERBYTE)
+        self._timers.start(Timer.QUIET, now + self.quiet_time)
+
+    @property
+    def quiet_time(self) -> Nanos:
+        rate = self.outbox.rate
+        return QUIET + (_QUIET_CHARACTERS * SECOND // rate if rate else 0)
+
+    # saying
+
+    def say(self, message: Message, span: Span | None = None) -> None:
+        self._last = message, span
+        self.outbox.put(encode_message(message, self._params.coding), span)
+
+    def say_next_time(self, message: Message) -> None:
+        """Draw back what was said last: a RTY gets this instead."""
+        self._last = message, None
+
+    def say_again(self) -> bool:
+        """RTY: an own RTY counts as the message before. Going back to the DAT before that could bring it twice."""
+        if self._last is None or self._out_of_retries():
+            return False
+        self.say(*self._last)
+        return True
+
+    def ask_again(self) -> bool:
+        """Say RTY; False when that has been done too often (15.10)."""
+        self.reader.break_off()
+        if self._out_of_retries():
+            return False
+        self.say(Message(command=Command.RTY, data=RetryReason.CHECKSUM.value))
+        return True
+
+    @property
+    def last(self) -> Command | None:
+        """The message said last."""
+        return self._last[0].command if self._last is not None else None
+
+    def forget_retries(self) -> None:
+        self._retries = 0
+
+    def good(self) -> None:
+        """A message other than RTY has been heard."""
+        if self._params.retries is Retries.EXCHANGE:
+            self._retries = 0
+
+    def _out_of_retries(self) -> bool:
+        self._retries += 1
+        return self._retries > self._agreement.ne
+
+    # silence
+
+    def watch(self, listening: bool, now: Nanos) -> None:
+        """It is the control's turn to speak if `listening` and nothing of ours is on its way (4.3 (4)).
+
+        A message that never ends is silence too; one that has begun has the inter-byte time.
+        """
+        speaking = 0 < self.reader.pending <= _LONGEST_MESSAGE
+        if not listening or speaking or not self.outbox.idle or self._heard_at is None:
+            self._timers.stop(Timer.SILENCE)
+            return
+        since = max(self._heard_at, self.outbox.left_at or self._heard_at)
+        margin = round(self._params.margin * SECOND)
+        self._timers.start(Timer.SILENCE, max(since + self._agreement.longest_silence, now) + margin)

@@ -1,0 +1,329 @@
+"""The host of protocol A as its driver sees it: the engine contract, the deadlines, and what is heard.
+
+What is answered is in `host.py`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from enum import Enum
+from typing import Final
+
+from tapewire.engine import (
+    SECOND,
+    Closure,
+    Ended,
+    Event,
+    Events,
+    Held,
+    LineFault,
+    Nanos,
+    Outcome,
+    Resumed,
+    SignalsIn,
+    SignalsOut,
+    Timers,
+    Violation,
+)
+from tapewire.protocols.fanuc_a.host_agreement import Agreement
+from tapewire.protocols.fanuc_a.host_exchange import Exchange, Heard
+from tapewire.protocols.fanuc_a.host_job import Job
+from tapewire.protocols.fanuc_a.host_law import State, Timer
+from tapewire.protocols.fanuc_a.host_streaming import SourcePoll, Streaming
+from tapewire.protocols.fanuc_a.messages import Command, Message, Unreadable
+from tapewire.protocols.fanuc_a.packets import BadMonitor, MonitorPacket
+from tapewire.protocols.fanuc_a.params import First, Params
+
+__all__ = ["BEGUN", "UNDER_WAY", "HostLine"]
+
+LEAVING: Final[Nanos] = SECOND
+"""After a job has ended, the last answer gets so long to leave before the end is told."""
+
+BEGUN: Final = frozenset({State.SENDING, State.STREAMING, State.AWAITING, State.DELIVERED})
+"""The control has, or may have, some of the program."""
+
+UNDER_WAY: Final = BEGUN | {State.ARMED}
+
+NOT_EXECUTED: Final = "delivered whole, not executed"
+
+TOO_OFTEN: Final = "more repetitions than Ne allows"
+
+
+class HostLine(ABC):
+    """Bytes, signals and time in; bytes, deadlines and events out."""
+
+    def __init__(self, params: Params) -> None:
+        self._params = params
+        self._state = State.IDLE
+        self._timers = Timers()
+        self._events = Events()
+        self._agreement = Agreement(params)
+        self._exchange = Exchange(params, self._agreement, self._timers)
+        self._outbox = self._exchange.outbox
+        self._rs = True
+        self._er = False
+        self._closed = False
+        self._recall = False
+        self._job: Job | None = None
+        self._poll = SourcePoll(self._timers)
+        self._streaming = Streaming(params, self._agreement, self._outbox, self._timers, self._poll, self._events)
+        self._fresh = False
+        self._polled_by: Command | None = None
+        self._wishes: dict[Command, Message] = {}
+        self._crossed: Message | None = None
+        self._di: int | None = None
+        self._proven = 0
+        self._high = 0
+        self._told: set[str] = set()
+        self._canned = False
+        self._nudged = False
+        self._answer: Command | None = None
+        self._ending: Ended | None = None
+        if params.first is First.HOST:
+            self._exchange.say(Message(command=Command.SYN))
+
+    @abstractmethod
+    def _obey_message(self, message: Message, now: Nanos) -> None:
+        """Answer it."""
+
+    @abstractmethod
+    def _obey_monitor(self, packet: MonitorPacket, now: Nanos) -> None: ...
+
+    @abstractmethod
+    def _send_dat(self, now: Nanos, *, late: bool) -> None:
+        """Answer the GTD that waits for the source; `late` when the control can wait no longer."""
+
+    # from the line
+
+    def receive_data(self, data: bytes, now: Nanos) -> None:
+        if self._closed or not data:
+            return
+        self._exchange.begin(now)
+        for heard in self._exchange.read(data, now):
+            self._hear(heard, now)
+        self._settle(now)
+
+    def receive_line_fault(self, fault: LineFault, byte: int | None, now: Nanos) -> None:
+        """The message it belongs to is asked for again (4.6)."""
+        if not self._closed:
+            self._events.put(Violation(what=f"{fault} in what the control sent"))
+            self._exchange.damage(now)
+            self._settle(now)
+
+    def receive_signals(self, signals: SignalsIn, now: Nanos) -> None:
+        """Host CTS is the control's RS, host DSR its ER (3.2)."""
+        self._exchange.begin(now)
+        if signals.cts != self._rs:
+            self._rs = signals.cts
+            if not self._outbox.empty:
+                self._events.put(Resumed(why="RS is ON again") if self._rs else Held(why="the control's RS is OFF"))
+        if self._er and not signals.dsr:
+            self._interrupt(Outcome.FAILED, "the control's ER fell: it lost power or gave up the line", now)
+        self._er = signals.dsr
+        self._settle(now)
+
+    def receive_closed(self, closure: Closure, reason: str, now: Nanos) -> None:
+        self._closed = True
+        if self._state in UNDER_WAY:
+            reason = f"{NOT_EXECUTED}: {reason}" if self._state is State.DELIVERED else reason
+            self._end(Outcome.FAILED, f"the line is gone: {reason}", now)
+        self._streaming.close()
+        self._outbox.put(b"")
+        self._finish()
+        self._timers.stop_all()
+
+    # to the line
+
+    def data_to_send(self, limit: int) -> bytes:
+        return self._outbox.look(limit) if self._rs and not self._closed and not self._recall else b""
+
+    def data_sent(self, count: int, now: Nanos) -> None:
+        self._outbox.hand_over(count, now)
+        self._high = max(self._high, self._outbox.reached)
+        if self._state is State.STREAMING and self._streaming.end_gone:
+            self._state = State.AWAITING
+        self._settle(now)
+
+    def data_left(self, count: int, now: Nanos) -> None:
+        self._outbox.leave(count, now)
+        self._settle(now)
+
+    def data_discarded(self, count: int, now: Nanos) -> None:
+        self._recall = False
+        self._outbox.call_back(count)
+        if self._outbox.untouched:
+            self._exchange.say(Message(command=Command.WAT))
+        elif not self._outbox.empty:
+            self._outbox.break_off(self._params.coding)
+        self._settle(now)
+
+    @property
+    def recall(self) -> bool:
+        return self._recall
+
+    @property
+    def signals(self) -> SignalsOut:
+        """Always ON: the host can receive whenever the line is open."""
+        return SignalsOut()
+
+    # time and what happened
+
+    def next_deadline(self) -> Nanos | None:
+        return self._timers.next()
+
+    def handle_timer(self, now: Nanos) -> None:
+        for timer in self._timers.due(now):
+            self._on_timer(timer, now)
+        self._settle(now)
+
+    def next_event(self) -> Event | None:
+        return self._events.get()
+
+    def _on_timer(self, timer: Enum, now: Nanos) -> None:
+        match timer:
+            case Timer.SILENCE:
+                self._on_silence(now)
+            case Timer.INTERBYTE:
+                broken = self._exchange.break_off()
+                if broken is not None:
+                    self._hear(broken, now)
+            case Timer.QUIET:
+                if not self._exchange.ask_again():
+                    self._interrupt(Outcome.FAILED, TOO_OFTEN, now)
+            case Timer.CROSSED:
+                self._on_crossed(now)
+            case Timer.SOURCE | Timer.WAT if not self._streaming.active:
+                self._send_dat(now, late=timer is Timer.WAT)
+            case Timer.KEEP_ALIVE:
+                self._streaming.keep_alive()
+            case Timer.DAMAGED:
+                self._interrupt(Outcome.FAILED, "a monitor packet could not be read and nothing came after it", now)
+            case Timer.LEAVING:
+                self._finish()
+
+    def _settle(self, now: Nanos) -> None:
+        """After every call: the next packet, the watch for silence, the end of a job."""
+        problem = self._streaming.pump(now)
+        if problem:
+            self._interrupt(Outcome.FAILED, problem, now)
+        ours = any(self._timers.running(timer) for timer in (Timer.WAT, Timer.QUIET, Timer.CROSSED))
+        if not self._closed:
+            self._exchange.watch(not ours and not self._streaming.our_turn, now)
+        if self._outbox.idle and not self._recall:
+            self._finish()
+
+    # hearing
+
+    def _hear(self, heard: Heard, now: Nanos) -> None:
+        match heard:
+            case Message():
+                self._hear_message(heard, now)
+            case MonitorPacket() if self._streaming.active:
+                self._obey_monitor(heard, now)
+            case MonitorPacket(monitor=monitor):
+                self._events.put(Violation(what=f"{monitor.name} while no packets are on"))
+            case Unreadable(error=error):
+                self._hear_nothing(f"{error} in what the control said", now)
+            case BadMonitor():
+                self._hear_nothing("monitor packet that cannot be read", now, monitor=True)
+        self._exchange.reader.monitors = self._agreement.n > 0
+        self._settle(now)
+
+    def _hear_nothing(self, what: str, now: Nanos, *, monitor: bool = False) -> None:
+        """4.6: what arrived damaged is asked for again; among packets nothing can ask, so the transfer is held."""
+        self._events.put(Violation(what=what))
+        self._drop_crossed()
+        if self._streaming.our_turn:
+            self._streaming.hold_damaged(now)
+        elif not monitor:
+            self._exchange.wait_for_quiet(now)
+
+    def _hear_message(self, message: Message, now: Nanos) -> None:
+        self._timers.stop(Timer.QUIET)
+        self._told.discard("silence")
+        if self._exchange.last is Command.RTY and message.command is not Command.RTY:
+            self._crossed = message
+            self._timers.start(Timer.CROSSED, now + self._crossing_time)
+            return
+        self._obey_message(message, now)
+
+    @property
+    def _crossing_time(self) -> Nanos:
+        return self._agreement.turn_time + self._exchange.quiet_time
+
+    def _on_crossed(self, now: Nanos) -> None:
+        """Our RTY may have crossed the message it asks for: then that comes twice, and an answer to the first would be
+        taken for the answer to the second, or be lost.
+        """
+        message = self._crossed
+        if self._exchange.reader.pending or not self._outbox.idle:
+            self._timers.start(Timer.CROSSED, now + self._crossing_time)
+        elif message is not None:
+            self._drop_crossed()
+            self._obey_message(message, now)
+
+    def _drop_crossed(self) -> None:
+        self._crossed = None
+        self._timers.stop(Timer.CROSSED)
+
+    def _on_silence(self, now: Nanos) -> None:
+        """4.3 (4), 4.6 1): after an open-line error a control waits for our SYN, by the likeliest reading."""
+        if "silence" not in self._told:
+            self._told.add("silence")
+            self._events.put(Violation(what="the control is silent: SYN"))
+        if self._state is State.AWAITING and not self._nudged:
+            self._nudge()
+            return
+        self._interrupt(Outcome.FAILED, "the control was silent for longer than Tp + Tx", now)
+        self._begin_anew()
+        self._exchange.say(Message(command=Command.SYN))
+
+    def _nudge(self) -> None:
+        """A control that lost a character of the end packet waits for the last one. Whatever it hears now completes
+        the packet, and it draws NAK; one that is not among packets obeys the SYN, and the job ends as failed.
+        """
+        self._nudged = True
+        self._exchange.say(Message(command=Command.SYN))
+
+    def _begin_anew(self) -> None:
+        self._streaming.close()
+        self._agreement.begin_anew()
+        self._exchange.forget_retries()
+
+    # the end of a job
+
+    @property
+    def _certain(self) -> int:
+        """Bytes of the program that are proven to be with the control."""
+        if self._state is State.DELIVERED:
+            return self._high
+        return max(self._proven, self._streaming.proven)
+
+    def _interrupt(self, outcome: Outcome, reason: str, now: Nanos) -> None:
+        """Something ended the transfer, if one has begun."""
+        if self._state in BEGUN:
+            whole = f"{NOT_EXECUTED}: " if self._state is State.DELIVERED else ""
+            self._end(outcome, whole + reason, now)
+
+    def _end(self, outcome: Outcome, reason: str, now: Nanos) -> None:
+        """The job is over; it is told when the last answer has left. Nothing of it is ever said again."""
+        self._ending = Ended(outcome=outcome, reason=reason, bytes_low=self._certain, bytes_high=self._high)
+        if self._exchange.last is Command.DAT:
+            self._exchange.say_next_time(Message(command=Command.WAT))
+        if self._timers.running(Timer.WAT):
+            self._exchange.say(Message(command=Command.WAT))
+        self._timers.stop(Timer.WAT)
+        self._timers.stop(Timer.SOURCE)
+        self._streaming.give_up()
+        self._job = None
+        self._state = State.FINISHED if outcome is Outcome.COMPLETE else State.IDLE
+        self._fresh = self._fresh or outcome is Outcome.COMPLETE
+        self._timers.start(Timer.LEAVING, now + LEAVING)
+
+    def _finish(self) -> None:
+        ending, self._ending = self._ending, None
+        self._timers.stop(Timer.LEAVING)
+        if ending is not None:
+            high = max(self._high, ending.bytes_high)
+            low = high if ending.outcome is Outcome.COMPLETE else ending.bytes_low
+            self._events.put(Ended(outcome=ending.outcome, reason=ending.reason, bytes_low=low, bytes_high=high))

@@ -1,0 +1,355 @@
+"""What users can set of protocol A and expansion protocol A, at either end."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from tapewire.codes import DataCode
+from tapewire.errors import UsageError
+from tapewire.protocols.fanuc_a.messages import LONGEST_DAT, Coding, EndCode, MessageCode
+from tapewire.protocols.fanuc_a.packets import MonitorCode, MonitorSum
+from tapewire.protocols.fanuc_a.status import LIMITS, Filler, Parameters
+from tapewire.protocols.settings import End, Switch, parse_settings, setting
+
+__all__ = [
+    "AfterEnd",
+    "DataLength",
+    "First",
+    "GtdAnswers",
+    "NakNumber",
+    "Naks",
+    "OpenLine",
+    "PacketLength",
+    "Params",
+    "Retries",
+    "RstAtEnd",
+    "SetData",
+    "SynParameters",
+    "TimeOut",
+    "Unready",
+]
+
+
+class PacketLength(StrEnum):
+    """n of positions 55 and 56 of SET (5.2 1)): data bytes of a packet / 256."""
+
+    AUTO = "auto"
+    PROTOCOL_A = "0"
+    N1 = "1"
+    N2 = "2"
+    N4 = "4"
+
+
+class DataLength(StrEnum):
+    """Length of the data of SAT and SET (4.4.2): 57 to 72 have no meaning."""
+
+    USED = "56"
+    ALL = "72"
+
+
+class GtdAnswers(StrEnum):
+    """How GTD is answered in expansion A when there is no data now, or none any more: chapter 5 does not say."""
+
+    PACKETS = "packets"
+    """Invalid packets; an end packet that holds EOR and nothing else."""
+    MESSAGES = "messages"
+    """WAT; EOD. Both can look like the beginning of a packet."""
+
+
+class Retries(StrEnum):
+    """How long the retry count of 4.6 2) (1) goes on counting."""
+
+    EXCHANGE = "exchange"
+    JOB = "job"
+
+
+class First(StrEnum):
+    """Who speaks first."""
+
+    CONTROL = "control"
+    """4.3 (1)."""
+    HOST = "host"
+
+
+class SetData(StrEnum):
+    """When SET carries data (4.4.2 2))."""
+
+    CHANGES = "changes"
+    ALWAYS = "always"
+
+
+class RstAtEnd(StrEnum):
+    """What RST means when the whole program has been taken, but no SAT has yet reported an empty buffer."""
+
+    COMPLETE = "complete"
+    CANCELLED = "cancelled"
+
+
+class OpenLine(StrEnum):
+    """What a control does after an open-line error; the text of 4.6 1) is garbled."""
+
+    WAITS = "waits"
+    """Silent until the host's SYN."""
+    SPEAKS = "speaks"
+    """SYN, as after power-on."""
+
+
+class Unready(StrEnum):
+    """With what a control polls a host that answered RDY with SYN."""
+
+    SYN = "syn"
+    RDY = "rdy"
+
+
+class SynParameters(StrEnum):
+    """What becomes of the parameters when a control is initialised anew."""
+
+    KEPT = "kept"
+    POWER_ON = "power-on"
+
+
+class TimeOut(StrEnum):
+    """What To measures at the control: 4.3 (3) says "start transmission", 4.6 nothing."""
+
+    BYTES = "bytes"
+    """The silence before the answer and between its bytes."""
+    MESSAGE = "message"
+    """All of the answer."""
+
+
+class NakNumber(StrEnum):
+    """What a NAK names when a packet is out of order; 5.2 2) a) calls it improper."""
+
+    EXPECTED = "expected"
+    RECEIVED = "received"
+
+
+class Naks(StrEnum):
+    """How often a control asks for one and the same packet."""
+
+    ERROR = "error"
+    """Once for an error; what comes before the packet asked for is passed over."""
+    PACKET = "packet"
+    """For every packet that is not the one asked for."""
+
+
+class AfterEnd(StrEnum):
+    """The state a control reports when it has read the end of the program (4.7 is a lost figure)."""
+
+    RESET = "reset"
+    OPERATING = "operating"
+
+
+_HOST, _CONTROL = End.HOST, End.CONTROL
+
+
+def _parameter(field: str, default: int, why: str) -> Any:
+    limit = LIMITS[field]
+    text = f"{limit.meaning[0].upper()}{limit.meaning[1:]} (4.5). {why}".rstrip()
+    limits = (limit.low, limit.high)
+    return setting(default, text, key=limit.name, unit=limit.unit, limits=limits, control=limit.power_on)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Params:
+    """The parameters of both ends. `nb` to `tw` are what a host asks for by SET and what a control starts with."""
+
+    code: MessageCode = setting(
+        MessageCode.ASCII, "Code of the messages: 5000#2 = 0 is ASCII, 1 is ISO (the reverse of protocol B)."
+    )
+    end: EndCode = setting(EndCode.CR, "End code of the messages: 5000#3 = 0 is CR, 1 is ETX.")
+    data: DataCode = setting(DataCode.ASCII, "The code of the program's characters (0000#2).")
+    n: PacketLength = setting(
+        PacketLength.AUTO,
+        "Data bytes of a packet / 256; 0 is protocol A. auto: 0 for fanuc-a, 4 for fanuc-a-expansion, 0 for a control, "
+        "which takes what the host's SET says.",
+    )
+    nb: int = _parameter("nb", 4000, "A large one makes long DATs.")
+    no: int = _parameter("no", 512, "The host may have this much under way when RS goes OFF.")
+    ne: int = _parameter("ne", 10, "")
+    tp: int = _parameter("tp", 2, "Short, so that the end of a program is soon known.")
+    to: int = _parameter("to", 20, "")
+    ti: int = _parameter("ti", 0, "A host computer needs no gaps between bytes.")
+    tx: int = _parameter("tx", 0, "A host computer can receive while it sends; a line that must turn round cannot.")
+    tw: int = _parameter("tw", 1, "Short, so that a late source costs little.")
+    retries: Retries = setting(
+        Retries.EXCHANGE,
+        "The retry count starts again at zero after a good exchange, or runs through the job.",
+    )
+    gtd_answers: GtdAnswers = setting(
+        GtdAnswers.PACKETS,
+        "How GTD is answered in expansion A when there is no data: not stated; WAT and EOD can look like a packet.",
+    )
+    first: First = setting(
+        First.CONTROL, "Who speaks first. host: SYN is sent as soon as the line is there.", end=_HOST
+    )
+    margin: float = setting(
+        1.0,
+        "The control counts as silent, and gets SYN, after Tp + Tx, the time its message takes, and this.",
+        end=_HOST,
+        unit="s",
+        limits=(0.1, 600.0),
+    )
+    interbyte: float = setting(
+        1.0,
+        "A message that stops in the middle for so long is asked for again.",
+        end=_HOST,
+        unit="s",
+        limits=(0.05, 60.0),
+    )
+    set_data: SetData = setting(
+        SetData.CHANGES, "SET carries data when something is to be changed, or always.", end=_HOST
+    )
+    set_length: DataLength = setting(
+        DataLength.USED, "Length of the data of SET; positions 57 to 72 have no meaning.", end=_HOST
+    )
+    switching: int = setting(
+        0,
+        "The digit in position 1 of SET; which one asks for remote operation is not stated.",
+        end=_HOST,
+        limits=(0, 15),
+    )
+    convert_from: int = setting(
+        0, "A byte of the data that the control turns into convert_to; 0 and 0: none.", end=_HOST, limits=(0, 255)
+    )
+    convert_to: int = setting(0, "What convert_from becomes.", end=_HOST, limits=(0, 255))
+    longest_dat: int = setting(
+        LONGEST_DAT,
+        "A DAT is never longer than this, than Nb - No, and than the line carries in half of To.",
+        end=_HOST,
+        unit="bytes",
+        limits=(1, LONGEST_DAT),
+    )
+    wat_after: float = setting(
+        1.0,
+        "A source that has nothing is waited for so long, and half of To at most, before WAT or an invalid packet.",
+        end=_HOST,
+        unit="s",
+        limits=(0.0, 99.0),
+    )
+    pad: int = setting(0, "Fills the last packet behind EOR; not stated.", end=_HOST, limits=(0, 255))
+    invalid: int = setting(0, "The number of invalid packets.", end=_HOST, limits=(0, 0x2F))
+    rst_at_end: RstAtEnd = setting(
+        RstAtEnd.CANCELLED,
+        "RST after all has been taken, before SAT has reported an empty buffer: complete where M30 resets the CNC.",
+        end=_HOST,
+    )
+    start_time: float = setting(
+        2.0,
+        "The control's first message comes so long after both ends are ready (4.3 (1)).",
+        end=_CONTROL,
+        unit="s",
+        limits=(0.0, 60.0),
+    )
+    sat_length: DataLength = setting(DataLength.USED, "Length of the data of SAT: not stated.", end=_CONTROL)
+    filler: Filler = setting(Filler.ZERO, "What stands in the unused positions of SAT: not stated.", end=_CONTROL)
+    echo: Switch = setting(
+        Switch.OFF, "Position 1 of SAT repeats that of the last SET, or is always 0 (5000#1).", end=_CONTROL
+    )
+    di: int = setting(0, "The DI byte G152 that RDI reads.", end=_CONTROL, limits=(0, 255))
+    open_line: OpenLine = setting(
+        OpenLine.WAITS, "Whether a control waits for SYN after an open-line error or speaks itself.", end=_CONTROL
+    )
+    unready: Unready = setting(
+        Unready.SYN, "With what a host is polled that answers RDY with SYN: not stated.", end=_CONTROL
+    )
+    syn_parameters: SynParameters = setting(
+        SynParameters.POWER_ON, "What becomes of Nb and the others at SYN: not stated.", end=_CONTROL
+    )
+    time_out: TimeOut = setting(
+        TimeOut.BYTES, "Whether To covers the silence between bytes or all of an answer: not stated.", end=_CONTROL
+    )
+    after_end: AfterEnd = setting(
+        AfterEnd.RESET, "The state after the end of the program has been read: not stated.", end=_CONTROL
+    )
+    monitor: MonitorCode = setting(
+        MonitorCode.PRINTED,
+        "Monitor packets as printed (DC3 93h, NAK 15h), all ASCII (13h, 15h) or all ISO (93h, 95h, ...).",
+        end=_CONTROL,
+    )
+    monitor_sum: MonitorSum = setting(
+        MonitorSum.WITHOUT_END, "What the sum of monitor packets covers: not stated.", end=_CONTROL
+    )
+    nak_number: NakNumber = setting(NakNumber.EXPECTED, "What NAK names when a packet is out of order.", end=_CONTROL)
+    naks: Naks = setting(Naks.ERROR, "One NAK for an error, or one for each packet that follows it.", end=_CONTROL)
+    time_out_in_hold: Switch = setting(
+        Switch.OFF, "To goes on while the control itself holds the host by DC3: not stated.", end=_CONTROL
+    )
+    dc3_free: int = setting(
+        2560,
+        "Expansion A: DC3 when so little is free. The manual gives no level.",
+        end=_CONTROL,
+        unit="bytes",
+        limits=(1, 8191),
+    )
+    dc1_free: int = setting(
+        4096,
+        "Expansion A: DC1 when so much is free. The manual gives no level.",
+        end=_CONTROL,
+        unit="bytes",
+        limits=(2, 8192),
+    )
+
+    def __post_init__(self) -> None:
+        complaint = self.wanted.complaint()
+        if complaint is not None:
+            raise UsageError(complaint)
+        if self.dc1_free <= self.dc3_free:
+            raise UsageError(f"dc1_free={self.dc1_free} must be greater than dc3_free={self.dc3_free}")
+        converts = self.convert_from != self.convert_to
+        if converts and self.data is DataCode.BINARY and self.convert_from % 2 == 0:
+            raise UsageError(
+                f"convert_from={self.convert_from} would change binary records, whose bytes are even: "
+                "leave the conversion off (convert_from=0, convert_to=0)"
+            )
+
+    @property
+    def coding(self) -> Coding:
+        """How messages are written."""
+        return Coding(code=self.code, end=self.end)
+
+    @property
+    def packet_n(self) -> int:
+        """n as a number; 0 is protocol A."""
+        return 0 if self.n is PacketLength.AUTO else int(self.n)
+
+    @property
+    def wanted(self) -> Parameters:
+        """What a host asks for by SET, and what a control has at power-on."""
+        return Parameters(
+            nb=self.nb,
+            no=self.no,
+            ne=self.ne,
+            tp=self.tp,
+            to=self.to,
+            ti=self.ti,
+            tx=self.tx,
+            tw=self.tw,
+            convert_from=self.convert_from,
+            convert_to=self.convert_to,
+            n=self.packet_n,
+        )
+
+    @classmethod
+    def for_protocol_a(cls, settings: Mapping[str, str], end: End) -> Params:
+        """Protocol A. Raises UsageError."""
+        return cls._parsed(settings, end, PacketLength.PROTOCOL_A)
+
+    @classmethod
+    def for_expansion_a(cls, settings: Mapping[str, str], end: End) -> Params:
+        """Expansion protocol A. Raises UsageError."""
+        params = cls._parsed(settings, end, PacketLength.N4)
+        if end is End.HOST and not params.packet_n:
+            raise UsageError("n=0 is protocol A: use fanuc-a, or n=1, 2 or 4")
+        return params
+
+    @classmethod
+    def _parsed(cls, settings: Mapping[str, str], end: End, automatic: PacketLength) -> Params:
+        params = parse_settings(cls, settings, end, {})
+        if params.n is not PacketLength.AUTO:
+            return params
+        return dataclasses.replace(params, n=automatic if end is End.HOST else PacketLength.PROTOCOL_A)

@@ -1,0 +1,143 @@
+"""The host of protocol A: SAT, SET and the parameters (4.4.2, 4.5)."""
+
+from __future__ import annotations
+
+import pytest
+
+from tapewire.engine import (
+    SECOND,
+    Notice,
+    Outcome,
+    Violation,
+)
+from tapewire.protocols.fanuc_a.host import State
+from tapewire.protocols.fanuc_a.messages import (
+    Coding,
+    Command,
+    Message,
+    encode_message,
+)
+from tapewire.protocols.fanuc_a.status import AlarmCause, BufferState, Parameters, Setting
+from tests.protocols.fanuc_a.host_bench import PROGRAM, Bench
+
+WAT, EOD, SET = Message(command=Command.WAT), Message(command=Command.EOD), Message(command=Command.SET)
+
+
+class Test442:
+    """Data parts: SAT and SET."""
+
+    def test_set_asks_for_what_this_host_wants(self) -> None:
+        bench = Bench()
+        bench.answer(Command.SYN)
+        asked = Setting.parse(bench.sat().data, Parameters())
+        assert asked.parameters == Parameters(nb=4000, no=512, tp=2, ti=0, tx=0, tw=1)
+        bench.in_force = asked.parameters
+        assert bench.sat() == SET
+
+    @pytest.mark.parametrize(("length", "positions"), [("56", 56), ("72", 72)])
+    def test_length_and_switching(self, length: str, positions: int) -> None:
+        bench = Bench(set_length=length, switching="1", set_data="always")
+        bench.answer(Command.SYN)
+        for _ in range(5):
+            data = bench.sat().data
+            assert (len(data), data[:1]) == (positions, b"1")
+
+    def test_the_conversion_is_the_jobs_own(self) -> None:
+        """An earlier host's is not echoed."""
+        bench = Bench(convert_from="59", convert_to="10")
+        bench.in_force = Parameters(convert_from=0x41, convert_to=0x42)
+        bench.answer(Command.SYN)
+        asked = Setting.parse(bench.sat().data, Parameters()).parameters
+        assert (asked.convert_from, asked.convert_to) == (0x3B, 0x0A)
+        plain = Bench()
+        plain.in_force = Parameters(convert_from=0x41, convert_to=0x42, n=4)
+        plain.answer(Command.SYN)
+        asked = Setting.parse(plain.sat().data, Parameters()).parameters
+        assert (asked.convert_from, asked.convert_to, asked.n) == (0, 0, 0)
+
+    def test_a_control_that_keeps_its_own_is_told_three_times(self) -> None:
+        bench = Bench()
+        bench.answer(Command.SYN)
+        assert [bool(bench.sat().data) for _ in range(6)] == [True] * 3 + [False] * 3
+        [notice] = bench.all(Notice)
+        assert "nb is 2000, not 4000" in notice.text
+        bench.arm()
+        assert len(bench.answer(Command.GTD).data) == 1950
+
+    def test_dat_is_as_long_as_both_agree(self) -> None:
+        """15.1, 15.9: a SET that no SAT has confirmed may be in force or not."""
+        bench = Bench()
+        bench.answer(Command.SYN)
+        bench.arm()
+        bench.sat()
+        assert len(bench.answer(Command.GTD).data) == 1950
+        bench.in_force = bench.params.wanted
+        bench.sat(BufferState.OPERATING, 1950)
+        assert len(bench.answer(Command.GTD).data) == 3488
+        assert len(Bench(longest_dat="100").sending().data) == 100
+
+    def test_dat_is_what_the_line_carries_in_half_of_to(self) -> None:
+        """15.13: 62 characters in 0.62 s are 100 a second, and To is 20 s."""
+        bench = Bench()
+        bench.answer(Command.SYN)
+        bench.arm()
+        bench.in_force = bench.params.wanted
+        bench.host.receive_data(encode_message(Message(command=Command.SAT, data=b"01000000"), Coding()), bench.now)
+        said = bench.host.data_to_send(100)
+        bench.host.data_sent(len(said), bench.now)
+        bench.now += SECOND * len(said) // 100
+        bench.host.data_left(len(said), bench.now)
+        assert len(bench.answer(Command.GTD).data) == 1000
+
+    def test_no_room_at_all(self) -> None:
+        bench = Bench()
+        bench.answer(Command.SYN)
+        bench.in_force = Parameters(nb=10, no=50)
+        for _ in range(4):
+            bench.sat()
+        bench.arm()
+        assert bench.answer(Command.GTD) == WAT
+        assert "no room" in bench.all(Violation)[-1].what
+
+    def test_reset_state_in_the_middle_cancels(self) -> None:
+        bench = Bench()
+        first = bench.sending()
+        assert bench.sat(BufferState.RESET) == SET
+        assert (bench.ended.outcome, bench.ended.bytes_low) == (Outcome.CANCELLED, len(first.data))
+
+    def test_reset_state_after_the_end_completes(self) -> None:
+        bench = Bench()
+        bench.delivered()
+        assert bench.sat(BufferState.RESET, 40) == SET
+        assert bench.ended.outcome is Outcome.COMPLETE
+        assert bench.answer(Command.GTD) == WAT
+
+    def test_operating_after_the_last_dat_proves_it(self) -> None:
+        bench = Bench()
+        bench.sending(PROGRAM[:100])
+        bench.sat(BufferState.OPERATING, 100)
+        assert bench.host.state is State.DELIVERED
+
+    @pytest.mark.parametrize(
+        ("state", "cause", "why"),
+        [
+            (BufferState.ALARM, AlarmCause.CHECKSUM, "checksum"),
+            (BufferState.ALARM, AlarmCause.NC_ALARM, "NC alarm"),
+            (BufferState.OPEN_LINE, AlarmCause.NC_ALARM, "open_line"),
+            (BufferState.NOT_READY, AlarmCause.NC_ALARM, "not_ready"),
+        ],
+    )
+    def test_a_last_dat_is_not_proven_by_these(self, state: BufferState, cause: AlarmCause, why: str) -> None:
+        """After dropped data the remote buffer goes on with SAT in state 3."""
+        bench = Bench()
+        bench.sending(PROGRAM[:100])
+        assert bench.sat(state, cause=cause) == SET
+        assert bench.ended.outcome is Outcome.FAILED
+        assert why in bench.ended.reason
+        assert (bench.ended.bytes_low, bench.ended.bytes_high) == (0, 100)
+
+    def test_a_sat_that_cannot_be_is_answered_and_believed_nothing(self) -> None:
+        bench = Bench()
+        bench.sending(PROGRAM[:100])
+        assert bench.answer(Command.SAT, b"09000000") == SET
+        assert bench.host.state is State.SENDING
