@@ -40,6 +40,8 @@ class ProtocolEntry:
     cnc: Callable[[Any], CncEngine]
     words: Callable[[Any], tuple[Reader, Reader]]
     """Readers for what the host says and for what the control says."""
+    refuse: Callable[[Any, Callable[[int], bytes]], None] | None = None
+    """Reads a program as it would be sent and raises ProgramError when the protocol cannot carry it."""
 
     def data_code(self, params: Any) -> DataCode:
         """The code of the program's characters on the line."""
@@ -70,6 +72,7 @@ _ENTRIES: Final = (
         host=fanuc_a.FanucAHost,
         cnc=fanuc_a.FanucACnc,
         words=_fanuc_a_words,
+        refuse=fanuc_a.refuse_program,
     ),
     ProtocolEntry(
         name="fanuc-a-expansion",
@@ -82,6 +85,7 @@ _ENTRIES: Final = (
         host=fanuc_a.FanucAHost,
         cnc=fanuc_a.FanucACnc,
         words=_fanuc_a_words,
+        refuse=fanuc_a.refuse_program,
     ),
     ProtocolEntry(
         name="fanuc-b",
