@@ -31,7 +31,7 @@ def test_4_1_the_end_code_is_refused_at_its_byte(settings: dict[str, str], end: 
 def test_5_2_a_program_without_eor_must_fill_its_packets(n: int) -> None:
     params = Params.for_expansion_a({"n": str(n)}, End.HOST)
     refuse_program(params, BytesIO(b"X\r" * 128 * n * 3).read)
-    refuse_program(params, BytesIO(b"X" * 100 + b"%").read)
+    refuse_program(params, BytesIO(b"%\n" + b"X" * 100 + b"%").read)
     with pytest.raises(ProgramError, match="no EOR, and 301 bytes do not fill packets"):
         refuse_program(params, BytesIO(b"X" * 301).read)
 
