@@ -11,11 +11,11 @@ from benchmarks.ends import LINES, control_line, first_event, other_line, progra
 from benchmarks.report import spread, table, write_section
 
 RUNS = 5
-SLOW_RUNS = 3
-SLOW_SIZE = 40_000
+SLOW_RUNS = 2
+SLOW_SIZE = 30_000
 """Bytes that fill the buffer of either protocol, so that a slow control must stop the host."""
 
-CASES = (("fanuc-b", 19200, 20_000), ("fanuc-b", 86400, 80_000), ("fanuc-b-expansion", 86400, 80_000))
+CASES = (("fanuc-b", 19200, 15_000), ("fanuc-b-expansion", 86400, 60_000))
 SLOW_SHARE = 0.6
 """Execution speed of the slow control against the line, so that it stops the host."""
 

@@ -16,8 +16,8 @@ from tapewire.engine import MILLISECOND, Nanos, Started
 from tapewire.line.pacing import character_time
 from tapewire.sim.world import World
 
-RUNS = 5
-REAL_SIZE = 60_000
+RUNS = 3
+REAL_SIZE = 40_000
 DAT_BYTES = 1950
 """Nb - No as the control reports them before it has confirmed the host's SET."""
 

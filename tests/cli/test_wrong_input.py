@@ -49,6 +49,21 @@ def test_a_program_that_cannot_be_sent(shop: Shop, content: bytes, words: list[s
     assert shop.files == set()
 
 
+@pytest.mark.parametrize(
+    ("protocol", "content", "words"),
+    [
+        ("fanuc-a", b"%\n" + b"G01X1.\n" * 900 + b"\r\nM30\n%", ["byte 6,303", "0Dh", "end code"]),
+        ("fanuc-a-expansion", b"%\n" + b"G01X1.\n" * 900, ["no EOR", "packets of 1024"]),
+    ],
+)
+def test_a_raw_program_that_its_protocol_cannot_carry(
+    shop: Shop, protocol: str, content: bytes, words: list[str]
+) -> None:
+    file = shop.file("in.nc", content)
+    line = ("--line", "/dev/tapewire-is-not-there", "--protocol", protocol, "--json")
+    refused(invoke("send", file, "--raw", *line), *words)
+
+
 def test_a_file_that_cannot_be_read(shop: Shop) -> None:
     missing = shop.folder / "missing.nc"
     refused(invoke("send", missing, *NOWHERE), str(missing), "No such file")

@@ -54,6 +54,8 @@ class ProtocolEntry:
     """Used when none are asked for."""
     data_bits: Callable[[Any, int], int] = _eight_bits
     """Bits of a character between start and parity, for these parameters and stop bits. Raises UsageError."""
+    refuse: Callable[[Any, Callable[[int], bytes]], None] | None = None
+    """Reads a program as it would be sent and raises ProgramError when the protocol cannot carry it."""
 
 
 def _fanuc_a_words(params: fanuc_a.Params) -> tuple[Reader, Reader]:
@@ -87,6 +89,7 @@ _ENTRIES: Final = (
         host=fanuc_a.FanucAHost,
         cnc=fanuc_a.FanucACnc,
         words=_fanuc_a_words,
+        refuse=fanuc_a.refuse_program,
     ),
     ProtocolEntry(
         name="fanuc-a-expansion",
@@ -99,6 +102,7 @@ _ENTRIES: Final = (
         host=fanuc_a.FanucAHost,
         cnc=fanuc_a.FanucACnc,
         words=_fanuc_a_words,
+        refuse=fanuc_a.refuse_program,
     ),
     ProtocolEntry(
         name="fanuc-b",

@@ -18,10 +18,14 @@ __all__ = ["send_by_number", "send_program"]
 
 
 async def send_program(program: Program, job: JobSettings) -> Result:
-    """Arm `program` and give it to the control when it asks. Raises LineError when the line cannot be opened.
+    """Arm `program` and give it to the control when it asks. Raises ProgramError for one that the protocol cannot
+    carry, LineError when the line cannot be opened.
 
     The stop distance and every change made to the file are told before the first byte leaves.
     """
+    if job.protocol.refuse is not None:
+        program.rewind()
+        job.protocol.refuse(job.params, program.read)
     host = job.protocol.host(job.params)
 
     def arm(now: Nanos) -> None:

@@ -88,7 +88,6 @@ class FanucAHost(HostLine):
         """
         if self._state not in UNDER_WAY:
             return
-        self._recall = self._is_sending_dat and not self._outbox.idle
         self._end(Outcome.CANCELLED, "given up here; RESET the control before anything else is sent to it", now)
         self._settle(now)
 
@@ -159,10 +158,6 @@ class FanucAHost(HostLine):
         self._dispatch(message, now)
         assert self._answer is None or self._answer in row.answers, f"{command} was answered with {self._answer}"
         assert self._state in row.states, f"{command} led from {before} to {self._state}"
-
-    @property
-    def _is_sending_dat(self) -> bool:
-        return self._state is State.SENDING and self._exchange.last is Command.DAT
 
     def _is_out_of_place(self, command: Command) -> bool:
         match command:

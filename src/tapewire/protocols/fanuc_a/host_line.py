@@ -119,6 +119,8 @@ class HostLine(ABC):
                 self._events.put(Resumed(why="RS is ON again") if self._rs else Held(why="the control's RS is OFF"))
         if self._er and not signals.dsr:
             self._interrupt(Outcome.FAILED, "the control's ER fell: it lost power or gave up the line", now)
+            self._streaming.close()
+            self._outbox.put(b"")
         self._er = signals.dsr
         self._settle(now)
 
@@ -129,6 +131,7 @@ class HostLine(ABC):
             self._end(Outcome.FAILED, f"the line is gone: {reason}", now)
         self._streaming.close()
         self._outbox.put(b"")
+        self._recall = False
         self._finish()
         self._timers.stop_all()
 
@@ -151,10 +154,11 @@ class HostLine(ABC):
     def data_discarded(self, count: int, now: Nanos) -> None:
         self._recall = False
         self._outbox.call_back(count)
-        if self._outbox.untouched:
-            self._exchange.say(Message(command=Command.WAT))
-        elif not self._outbox.empty:
-            self._outbox.break_off(self._params.coding)
+        if self._outbox.holds_program:
+            if self._outbox.untouched:
+                self._exchange.say(Message(command=Command.WAT))
+            elif not self._outbox.empty:
+                self._outbox.break_off(self._params.coding)
         self._settle(now)
 
     @property
@@ -299,6 +303,10 @@ class HostLine(ABC):
             return self._high
         return max(self._proven, self._streaming.proven)
 
+    @property
+    def _is_sending_dat(self) -> bool:
+        return self._state is State.SENDING and self._exchange.last is Command.DAT
+
     def _interrupt(self, outcome: Outcome, reason: str, now: Nanos) -> None:
         """Something ended the transfer, if one has begun."""
         if self._state in BEGUN:
@@ -306,7 +314,10 @@ class HostLine(ABC):
             self._end(outcome, whole + reason, now)
 
     def _end(self, outcome: Outcome, reason: str, now: Nanos) -> None:
-        """The job is over; it is told when the last answer has left. Nothing of it is ever said again."""
+        """The job is over; it is told when the last answer has left. Nothing of it is ever said again, and a DAT that
+        has not left is cut off: the control must not take the rest of a job that has failed.
+        """
+        self._recall = self._is_sending_dat and not self._outbox.idle and outcome is not Outcome.COMPLETE
         self._ending = Ended(outcome=outcome, reason=reason, bytes_low=self._certain, bytes_high=self._high)
         if self._exchange.last is Command.DAT:
             self._exchange.say_next_time(Message(command=Command.WAT))
@@ -324,6 +335,6 @@ class HostLine(ABC):
         ending, self._ending = self._ending, None
         self._timers.stop(Timer.LEAVING)
         if ending is not None:
-            high = max(self._high, ending.bytes_high)
+            high = max(self._high, ending.bytes_high, self._outbox.will_reach)
             low = high if ending.outcome is Outcome.COMPLETE else ending.bytes_low
             self._events.put(Ended(outcome=ending.outcome, reason=ending.reason, bytes_low=low, bytes_high=high))

@@ -72,6 +72,15 @@ class Outbox:
         handed = self._offset - self._span.header
         return self._span.base + min(handed, self._span.length) if handed > 0 else 0
 
+    @property
+    def holds_program(self) -> bool:
+        return self._span is not None
+
+    @property
+    def will_reach(self) -> int:
+        """What `reached` is when all of it has been handed over."""
+        return self._span.base + self._span.length if self._span is not None else 0
+
     def hand_over(self, count: int, now: Nanos) -> None:
         if not self.in_flight:
             self._begun_at = now

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from tapewire.codes import DataCode
+from tapewire.codes import EOR_CODES, DataCode
 from tapewire.errors import UsageError
 from tapewire.protocols.fanuc_a.messages import LONGEST_DAT, Coding, EndCode, MessageCode
 from tapewire.protocols.fanuc_a.packets import MonitorCode, MonitorSum
@@ -301,6 +301,11 @@ class Params:
         if self.dc1_free <= self.dc3_free:
             raise UsageError(f"dc1_free={self.dc1_free} must be greater than dc3_free={self.dc3_free}")
         converts = self.convert_from != self.convert_to
+        if converts and {self.convert_from, self.convert_to} & set(EOR_CODES[self.data]):
+            raise UsageError(
+                f"convert_from={self.convert_from}, convert_to={self.convert_to} would take an EOR away from the "
+                "program, or put one into its middle, which hides what follows: choose other codes"
+            )
         if converts and self.data is DataCode.BINARY and self.convert_from % 2 == 0:
             raise UsageError(
                 f"convert_from={self.convert_from} would change binary records, whose bytes are even: "

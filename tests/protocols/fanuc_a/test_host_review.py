@@ -1,0 +1,80 @@
+"""The host of protocol A: what must not happen around the end of a job and the beginning of the next."""
+
+from __future__ import annotations
+
+from tapewire.engine import (
+    Ended,
+    Outcome,
+    SignalsIn,
+)
+from tapewire.protocols.fanuc_a.messages import (
+    Coding,
+    Command,
+    Message,
+    MessageReader,
+    Unreadable,
+)
+from tests.protocols.fanuc_a.host_bench import Bench
+
+WAT, EOD, SET = Message(command=Command.WAT), Message(command=Command.EOD), Message(command=Command.SET)
+
+
+def begun(handed: int, **settings: str) -> tuple[Bench, bytes]:
+    """A first DAT of which `handed` characters are out."""
+    bench = Bench(**settings)
+    bench.power_on()
+    bench.arm()
+    bench.host.receive_signals(SignalsIn(), bench.now)
+    bench.host.receive_data(b"ECGTD\r", bench.now)
+    return bench, bench.pull(handed)
+
+
+class TestADatThatHasNotLeft:
+    """Nothing of a job goes on after its end was told."""
+
+    def test_er_off_ends_it(self) -> None:
+        bench, _ = begun(6)
+        bench.host.receive_signals(SignalsIn(dsr=False), bench.now)
+        assert bench.host.recall
+        assert bench.pull() == b""
+        assert (bench.ended.outcome, bench.ended.bytes_low, bench.ended.bytes_high) == (Outcome.FAILED, 0, 1)
+        assert bench.wait(1.5) == b""
+        assert bench.host.progress == 1
+
+    def test_er_off_ends_a_packet(self) -> None:
+        bench = Bench(expansion=True, n="1")
+        bench.host.receive_signals(SignalsIn(), bench.now)
+        bench.streaming(limit=300)
+        bench.host.receive_signals(SignalsIn(dsr=False), bench.now)
+        assert bench.pull() == b""
+        assert bench.ended.bytes_high == bench.host.progress
+
+    def test_too_many_rty_break_it_off(self) -> None:
+        bench, said = begun(100, Ne="1")
+        bench.host.receive_data(b"3DRTY1\r", bench.now)
+        said = bench.pull(100)
+        bench.host.receive_data(b"3DRTY1\r", bench.now)
+        said += bench.pull()
+        position, reading = MessageReader(Coding()).read(said)
+        assert isinstance(reading, Unreadable)
+        assert position == len(said) <= 102
+        assert (bench.ended.outcome, bench.ended.bytes_high) == (Outcome.FAILED, 95)
+
+    def test_an_answer_said_meanwhile_is_kept(self) -> None:
+        bench, _ = begun(100)
+        bench.host.abort(bench.now)
+        bench.host.receive_data(b"06RST\r", bench.now)
+        assert bench.pull() == b"F3ARS\r"
+
+    def test_a_packet_that_goes_on_is_counted(self) -> None:
+        """It is finished, since the control counts its characters; the end may be told before."""
+        bench = Bench(expansion=True, n="4")
+        bench.streaming(limit=100)
+        bench.host.abort(bench.now)
+        bench.host.handle_timer(bench.host.next_deadline() or 0)
+        bench.now += 1_100_000_000
+        bench.host.handle_timer(bench.now)
+        bench.drain()
+        [ended] = bench.all(Ended)
+        bench.pull()
+        assert ended.bytes_high == bench.host.progress == 1024
