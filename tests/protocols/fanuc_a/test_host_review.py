@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tapewire.engine import (
     Ended,
+    Notice,
     Outcome,
     SignalsIn,
 )
@@ -14,6 +17,7 @@ from tapewire.protocols.fanuc_a.messages import (
     MessageReader,
     Unreadable,
 )
+from tapewire.protocols.fanuc_a.status import BufferState
 from tests.protocols.fanuc_a.host_bench import Bench
 
 WAT, EOD, SET = Message(command=Command.WAT), Message(command=Command.EOD), Message(command=Command.SET)
@@ -78,3 +82,23 @@ class TestADatThatHasNotLeft:
         [ended] = bench.all(Ended)
         bench.pull()
         assert ended.bytes_high == bench.host.progress == 1024
+
+
+class TestWishes:
+    """CLB and SYN belong between jobs."""
+
+    @pytest.mark.parametrize("command", [Command.CLB, Command.SYN])
+    @pytest.mark.parametrize("when", ["before start", "armed"])
+    def test_they_are_never_said_in_a_job(self, command: Command, when: str) -> None:
+        bench = Bench()
+        bench.power_on()
+        wish = bench.host.clear_buffer if command is Command.CLB else bench.host.initialise
+        if when == "armed":
+            bench.arm()
+        wish(bench.now)
+        if when == "before start":
+            bench.arm()
+        assert bench.answer(Command.GTD).command is Command.DAT
+        assert bench.sat(BufferState.OPERATING, 100) == SET
+        [notice] = bench.all(Notice)
+        assert notice.text == f"{command.value} was not said any more: a job has begun"

@@ -38,6 +38,9 @@ from tapewire.protocols.fanuc_a.status import AlarmCause, BufferState, Status
 
 __all__ = ["LAW", "FanucAHost", "State"]
 
+BETWEEN_JOBS: Final = (Command.CLB, Command.SYN)
+"""What would spoil a job under way."""
+
 DAT_HEADER: Final = 5
 """Sum and command stand before the data."""
 
@@ -70,6 +73,7 @@ class FanucAHost(HostLine):
                 raise UsageError(refusal)
         self._job = job
         self._state = State.ARMED
+        self._drop_wishes()
         self._proven = self._high = 0
         self._exchange.forget_retries()
         self._exchange.begin(now)
@@ -124,6 +128,12 @@ class FanucAHost(HostLine):
         if self._state in BEGUN:
             raise UsageError(f"{command.value} would spoil the job under way; abort it or wait for its end")
         self._wishes[command] = Message(command=command)
+
+    def _drop_wishes(self) -> None:
+        """A job is under way: what was wished before it and not yet said would spoil it."""
+        for command in BETWEEN_JOBS:
+            if self._wishes.pop(command, None) is not None:
+                self._events.put(Notice(text=f"{command.value} was not said any more: a job has begun"))
 
     @property
     def state(self) -> State:
@@ -350,6 +360,7 @@ class FanucAHost(HostLine):
 
     def _begin_program(self, why: str) -> None:
         self._fresh = False
+        self._drop_wishes()
         self._told.discard("unserved")
         self._nudged = False
         self._events.put(Requested())
