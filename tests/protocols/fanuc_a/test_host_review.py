@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 
 from tapewire.engine import (
@@ -102,3 +104,53 @@ class TestWishes:
         assert bench.sat(BufferState.OPERATING, 100) == SET
         [notice] = bench.all(Notice)
         assert notice.text == f"{command.value} was not said any more: a job has begun"
+
+
+class TestObstacle:
+    """A control that does not take what SET asks for."""
+
+    @pytest.mark.parametrize(
+        ("kept", "reason"),
+        [
+            ({"convert_from": 0x58, "convert_to": 0x59}, "turns 58h of the program into 59h"),
+            ({"n": 4}, r"n=4"),
+        ],
+    )
+    def test_no_program_is_sent_to_it(self, kept: dict[str, int], reason: str) -> None:
+        bench = Bench()
+        bench.in_force = dataclasses.replace(bench.params.wanted, **kept)
+        bench.answer(Command.SYN)
+        bench.answer(Command.RDY)
+        bench.arm()
+        for _ in range(2):
+            bench.sat()
+        assert bench.answer(Command.GTD) == WAT
+        assert bench.answer(Command.GTD) == WAT
+        [notice] = bench.all(Notice)
+        assert notice.text.startswith("the program waits: ")
+        assert bench.all(Ended) == []
+        bench.sat()
+        bench.sat()
+        assert bench.answer(Command.GTD) == WAT
+        assert (bench.ended.outcome, bench.ended.bytes_high) == (Outcome.FAILED, 0)
+        assert reason in bench.ended.reason
+        assert bench.answer(Command.GTD) == WAT
+
+    def test_one_that_takes_it_late_gets_the_program(self) -> None:
+        bench = Bench()
+        bench.power_on()
+        bench.in_force = dataclasses.replace(bench.params.wanted, convert_from=0x58, convert_to=0x59)
+        bench.sat()
+        bench.arm()
+        assert bench.answer(Command.GTD) == WAT
+        bench.in_force = bench.params.wanted
+        bench.sat()
+        assert bench.answer(Command.GTD).command is Command.DAT
+
+    def test_a_conversion_into_the_same_byte_is_none(self) -> None:
+        bench = Bench()
+        bench.power_on()
+        bench.in_force = dataclasses.replace(bench.params.wanted, convert_from=0x58, convert_to=0x58)
+        bench.sat()
+        bench.arm()
+        assert bench.answer(Command.GTD).command is Command.DAT

@@ -77,7 +77,8 @@ class FanucAHost(HostLine):
         self._proven = self._high = 0
         self._exchange.forget_retries()
         self._exchange.begin(now)
-        if self._streaming.waits_for_job and self._fresh:
+        self._told.discard("obstacle")
+        if self._streaming.waits_for_job and self._fresh and not self._agreement.obstacle:
             self._streaming.take_up(job)
             self._begin_streaming()
         self._settle(now)
@@ -313,6 +314,8 @@ class FanucAHost(HostLine):
         match self._state:
             case State.ARMED if not self._agreement.settled:
                 self._say(Command.WAT)
+            case State.ARMED if self._agreement.obstacle:
+                self._meet_obstacle(self._agreement.obstacle, now)
             case State.ARMED if not self._fresh:
                 self._tell_middle()
                 self._have_it_wait(now)
@@ -329,6 +332,16 @@ class FanucAHost(HostLine):
                     self._events.put(Requested(served=False))
                 self._have_it_wait(now)
 
+    def _meet_obstacle(self, obstacle: str, now: Nanos) -> None:
+        """Wait as long as SET may still remove it."""
+        if self._agreement.refused:
+            self._fail_unsent(f"nothing was sent: {obstacle}", now)
+            return
+        if "obstacle" not in self._told:
+            self._told.add("obstacle")
+            self._events.put(Notice(text=f"the program waits: {obstacle}"))
+        self._say(Command.WAT)
+
     def _tell_middle(self) -> None:
         if "middle" not in self._told:
             self._told.add("middle")
@@ -337,14 +350,20 @@ class FanucAHost(HostLine):
 
     def _have_it_wait(self, now: Nanos) -> None:
         """No data now: WAT; among packets invalid ones, since a message may look like a packet (5.2)."""
-        if self._agreement.n and self._params.gtd_answers is GtdAnswers.PACKETS:
+        if self._answers_by_packets:
             self._begin_packets(None)
         else:
             self._say(Command.WAT)
 
+    @property
+    def _answers_by_packets(self) -> bool:
+        """A host of protocol A never does, whatever the control keeps."""
+        packets = self._params.packet_n and self._agreement.n
+        return bool(packets) and self._params.gtd_answers is GtdAnswers.PACKETS
+
     def _say_no_more(self) -> None:
         """Nothing left: EOD; among packets an end packet with EOR alone."""
-        if self._agreement.n and self._params.gtd_answers is GtdAnswers.PACKETS:
+        if self._answers_by_packets:
             self._streaming.begin_end_only()
         else:
             self._say(Command.EOD)
