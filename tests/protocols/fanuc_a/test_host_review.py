@@ -7,6 +7,7 @@ import dataclasses
 import pytest
 
 from tapewire.engine import (
+    SECOND,
     Ended,
     Notice,
     Outcome,
@@ -20,7 +21,7 @@ from tapewire.protocols.fanuc_a.messages import (
     Unreadable,
 )
 from tapewire.protocols.fanuc_a.status import BufferState
-from tests.protocols.fanuc_a.host_bench import Bench
+from tests.protocols.fanuc_a.host_bench import PROGRAM, Bench
 
 WAT, EOD, SET = Message(command=Command.WAT), Message(command=Command.EOD), Message(command=Command.SET)
 
@@ -154,3 +155,44 @@ class TestObstacle:
         bench.sat()
         bench.arm()
         assert bench.answer(Command.GTD).command is Command.DAT
+
+
+def test_what_packets_of_one_job_have_proven_is_not_credited_to_the_next() -> None:
+    bench = Bench(expansion=True, n="1")
+    bench.streaming(limit=3500)
+    bench.host.abort(bench.now)
+    bench.wait(1.5)
+    assert bench.ended.bytes_low > 295
+    bench.arm()
+    bench.say(Command.RST)
+    bench.sat()
+    bench.host.receive_data(b"ECGTD\r", bench.now)
+    bench.pull(300)
+    bench.say(Command.ALM)
+    second = bench.all(Ended)[1]
+    assert (second.outcome, second.bytes_low, second.bytes_high) == (Outcome.FAILED, 0, 295)
+
+
+def test_the_rest_of_a_packet_is_not_counted_for_the_next_job() -> None:
+    bench = Bench(expansion=True, n="4")
+    bench.streaming(limit=1028 + 100)
+    bench.host.abort(bench.now)
+    bench.now += 2 * SECOND
+    bench.host.handle_timer(bench.now)
+    bench.arm()
+    bench.pull()
+    assert bench.host.progress == 0
+
+
+def test_an_sdi_that_came_damaged_is_asked_for_again() -> None:
+    bench = Bench()
+    bench.sending()
+    bench.host.read_di(bench.now)
+    assert bench.answer(Command.GTD) == Message(command=Command.RDI)
+    assert bench.say_raw(b"62SDIA5\r") == b""
+    assert bench.wait(0.1) == b"3DRTY1\r"
+    assert bench.say(Command.SDI, b"A5") == b""
+    [answer] = bench.messages(bench.wait(1))
+    assert answer.data == PROGRAM[3488:6976]
+    assert bench.host.di == 0xA5
+    assert bench.all(Ended) == []

@@ -34,7 +34,7 @@ from tapewire.protocols.fanuc_a.messages import (
 )
 from tapewire.protocols.fanuc_a.packets import MonitorPacket, packet_bytes
 from tapewire.protocols.fanuc_a.params import GtdAnswers, RstAtEnd
-from tapewire.protocols.fanuc_a.status import AlarmCause, BufferState, Status
+from tapewire.protocols.fanuc_a.status import CAUSES, BufferState, Status
 
 __all__ = ["LAW", "FanucAHost", "State"]
 
@@ -75,6 +75,8 @@ class FanucAHost(HostLine):
         self._state = State.ARMED
         self._drop_wishes()
         self._proven = self._high = 0
+        if not self._recall:
+            self._outbox.forget_program()
         self._exchange.forget_retries()
         self._exchange.begin(now)
         self._told.discard("obstacle")
@@ -162,6 +164,7 @@ class FanucAHost(HostLine):
         self._timers.stop(Timer.SOURCE)
         self._answer = None
         if command is not Command.RTY:
+            self._sdi_due = False
             self._exchange.good()
             self._leave_packets()
             if cut:
@@ -173,7 +176,7 @@ class FanucAHost(HostLine):
     def _is_out_of_place(self, command: Command) -> bool:
         match command:
             case Command.SDI:
-                return self._exchange.last is not Command.RDI
+                return not self._sdi_due
             case Command.RTY:
                 return self._streaming.active or self._exchange.last is None
             case _:
@@ -183,7 +186,7 @@ class FanucAHost(HostLine):
         """A message of protocol A ends the packets (5.2 2) b))."""
         self._canned = self._streaming.stopped
         self._fresh = self._fresh or self._canned
-        self._proven = max(self._proven, self._streaming.proven)
+        self._proven = max(self._proven, self._proven_by_packets)
         self._streaming.close()
 
     def _dispatch(self, message: Message, now: Nanos) -> None:
@@ -206,6 +209,7 @@ class FanucAHost(HostLine):
 
     def _say(self, command: Command, data: bytes = b"", span: Span | None = None) -> None:
         self._answer = command
+        self._sdi_due = command is Command.RDI
         self._exchange.say(Message(command=command, data=data), span)
 
     def _on_initialisation(self, command: Command, now: Nanos) -> None:
@@ -269,7 +273,7 @@ class FanucAHost(HostLine):
             case BufferState.RESET:
                 self._judge_reset(now)
             case BufferState.ALARM:
-                cause = _CAUSES[status.cause]
+                cause = CAUSES[status.cause]
                 self._interrupt(Outcome.FAILED, f"the remote buffer is in alarm state: {cause}", now)
                 self._stand_at_beginning()
             case BufferState.NOT_READY | BufferState.OPEN_LINE:
@@ -485,11 +489,3 @@ class FanucAHost(HostLine):
             self._interrupt(Outcome.FAILED, problem, now)
         elif self._state is State.AWAITING and self._streaming.our_turn:
             self._state = State.STREAMING
-
-
-_CAUSES: Final = {
-    AlarmCause.NC_ALARM: "NC alarm",
-    AlarmCause.CHECKSUM: "too many checksum errors",
-    AlarmCause.UNEXPECTED: "it did not expect our answer",
-    AlarmCause.OVERRUN: "too many overruns",
-}

@@ -75,6 +75,7 @@ class HostLine(ABC):
         self._proven = 0
         self._high = 0
         self._told: set[str] = set()
+        self._sdi_due = False
         self._canned = False
         self._nudged = False
         self._answer: Command | None = None
@@ -291,6 +292,7 @@ class HostLine(ABC):
 
     def _begin_anew(self) -> None:
         self._streaming.close()
+        self._sdi_due = False
         self._agreement.begin_anew()
         self._exchange.forget_retries()
 
@@ -301,7 +303,12 @@ class HostLine(ABC):
         """Bytes of the program that are proven to be with the control."""
         if self._state is State.DELIVERED:
             return self._high
-        return max(self._proven, self._streaming.proven)
+        return max(self._proven, self._proven_by_packets)
+
+    @property
+    def _proven_by_packets(self) -> int:
+        """Packets may be on without being those of this job."""
+        return self._streaming.proven if self._state in (State.STREAMING, State.AWAITING) else 0
 
     @property
     def _is_sending_dat(self) -> bool:
@@ -337,4 +344,5 @@ class HostLine(ABC):
         if ending is not None:
             high = max(self._high, ending.bytes_high, self._outbox.will_reach)
             low = high if ending.outcome is Outcome.COMPLETE else ending.bytes_low
+            assert 0 <= low <= high, f"proven {low} of {high} handed over"
             self._events.put(Ended(outcome=ending.outcome, reason=ending.reason, bytes_low=low, bytes_high=high))
