@@ -26,9 +26,9 @@ from tests.protocols.fanuc_a.host_bench import PROGRAM, Bench
 WAT, EOD, SET = Message(command=Command.WAT), Message(command=Command.EOD), Message(command=Command.SET)
 
 
-def begun(handed: int, **settings: str) -> tuple[Bench, bytes]:
+def begun(handed: int, most: str = "10") -> tuple[Bench, bytes]:
     """A first DAT of which `handed` characters are out."""
-    bench = Bench(**settings)
+    bench = Bench(Ne=most)
     bench.power_on()
     bench.arm()
     bench.host.receive_signals(SignalsIn(), bench.now)
@@ -57,7 +57,7 @@ class TestADatThatHasNotLeft:
         assert bench.ended.bytes_high == bench.host.progress
 
     def test_too_many_rty_break_it_off(self) -> None:
-        bench, said = begun(100, Ne="1")
+        bench, said = begun(100, most="1")
         bench.host.receive_data(b"3DRTY1\r", bench.now)
         said = bench.pull(100)
         bench.host.receive_data(b"3DRTY1\r", bench.now)
@@ -196,3 +196,44 @@ def test_an_sdi_that_came_damaged_is_asked_for_again() -> None:
     assert answer.data == PROGRAM[3488:6976]
     assert bench.host.di == 0xA5
     assert bench.all(Ended) == []
+
+
+class TestNotExecuted:
+    """COMPLETE needs an empty buffer."""
+
+    def test_reset_with_bytes_in_the_buffer(self) -> None:
+        bench = Bench()
+        bench.delivered()
+        bench.sat(BufferState.OPERATING, 12)
+        bench.sat(BufferState.RESET, 12)
+        assert bench.ended.outcome is Outcome.CANCELLED
+        assert bench.ended.reason.startswith("delivered whole, not executed")
+
+    def test_rst_before_eod(self) -> None:
+        bench = Bench(rst_at_end="complete")
+        bench.sending(b"%\nM30\n%")
+        bench.sat(BufferState.OPERATING, 7)
+        bench.answer(Command.RST)
+        assert bench.ended.outcome is Outcome.CANCELLED
+
+    def test_rst_after_eod_with_bytes_in_the_buffer(self) -> None:
+        bench = Bench(rst_at_end="complete")
+        bench.delivered()
+        bench.sat(BufferState.OPERATING, 12)
+        bench.answer(Command.RST)
+        assert bench.ended.outcome is Outcome.CANCELLED
+
+
+def test_rst_in_the_middle_of_a_dat_cancels() -> None:
+    bench, _ = begun(100)
+    assert bench.answer(Command.RST) == Message(command=Command.ARS)
+    assert (bench.ended.outcome, bench.ended.bytes_high) == (Outcome.CANCELLED, 95)
+
+
+def test_to_give_up_what_has_not_begun_needs_no_reset() -> None:
+    bench = Bench()
+    bench.power_on()
+    bench.arm()
+    bench.host.abort(bench.now)
+    bench.drain()
+    assert bench.ended.reason == "given up here; nothing of it was sent"

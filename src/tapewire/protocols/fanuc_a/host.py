@@ -38,9 +38,6 @@ from tapewire.protocols.fanuc_a.status import CAUSES, BufferState, Status
 
 __all__ = ["LAW", "FanucAHost", "State"]
 
-BETWEEN_JOBS: Final = (Command.CLB, Command.SYN)
-"""What would spoil a job under way."""
-
 DAT_HEADER: Final = 5
 """Sum and command stand before the data."""
 
@@ -75,6 +72,7 @@ class FanucAHost(HostLine):
         self._state = State.ARMED
         self._drop_wishes()
         self._proven = self._high = 0
+        self._stored_at_end = None
         if not self._recall:
             self._outbox.forget_program()
         self._exchange.forget_retries()
@@ -95,7 +93,9 @@ class FanucAHost(HostLine):
         """
         if self._state not in UNDER_WAY:
             return
-        self._end(Outcome.CANCELLED, "given up here; RESET the control before anything else is sent to it", now)
+        begun = self._state in BEGUN
+        advice = "RESET the control before anything else is sent to it" if begun else "nothing of it was sent"
+        self._end(Outcome.CANCELLED, f"given up here; {advice}", now)
         self._settle(now)
 
     def hold_reception(self, now: Nanos) -> None:
@@ -132,12 +132,6 @@ class FanucAHost(HostLine):
             raise UsageError(f"{command.value} would spoil the job under way; abort it or wait for its end")
         self._wishes[command] = Message(command=command)
 
-    def _drop_wishes(self) -> None:
-        """A job is under way: what was wished before it and not yet said would spoil it."""
-        for command in BETWEEN_JOBS:
-            if self._wishes.pop(command, None) is not None:
-                self._events.put(Notice(text=f"{command.value} was not said any more: a job has begun"))
-
     @property
     def state(self) -> State:
         return self._state
@@ -168,7 +162,8 @@ class FanucAHost(HostLine):
             self._exchange.good()
             self._leave_packets()
             if cut:
-                self._interrupt(Outcome.FAILED, f"{command.value} came before the end of a DAT", now)
+                outcome = Outcome.CANCELLED if command is Command.RST else Outcome.FAILED
+                self._interrupt(outcome, f"{command.value} came before the end of a DAT", now)
         self._dispatch(message, now)
         assert self._answer is None or self._answer in row.answers, f"{command} was answered with {self._answer}"
         assert self._state in row.states, f"{command} led from {before} to {self._state}"
@@ -210,6 +205,8 @@ class FanucAHost(HostLine):
     def _say(self, command: Command, data: bytes = b"", span: Span | None = None) -> None:
         self._answer = command
         self._sdi_due = command is Command.RDI
+        if command is Command.EOD and self._stored_at_end is None:
+            self._stored_at_end = 0
         self._exchange.say(Message(command=command, data=data), span)
 
     def _on_initialisation(self, command: Command, now: Nanos) -> None:
@@ -221,7 +218,8 @@ class FanucAHost(HostLine):
 
     def _on_rst(self, now: Nanos) -> None:
         """8.2: what is in the buffer is lost."""
-        if self._state is State.DELIVERED and self._params.rst_at_end is RstAtEnd.COMPLETE:
+        told_empty = self._state is State.DELIVERED and self._stored_at_end == 0
+        if told_empty and self._params.rst_at_end is RstAtEnd.COMPLETE:
             self._end(Outcome.COMPLETE, "delivered whole; the control was reset at its end (RST)", now)
         self._interrupt(Outcome.CANCELLED, "the control was reset (RST)", now)
         self._stand_at_beginning()
@@ -271,7 +269,7 @@ class FanucAHost(HostLine):
             case BufferState.OPERATING:
                 self._judge_operating(status.stored, now)
             case BufferState.RESET:
-                self._judge_reset(now)
+                self._judge_reset(status.stored, now)
             case BufferState.ALARM:
                 cause = CAUSES[status.cause]
                 self._interrupt(Outcome.FAILED, f"the remote buffer is in alarm state: {cause}", now)
@@ -284,13 +282,15 @@ class FanucAHost(HostLine):
         if self._canned:
             self._interrupt(Outcome.FAILED, "the control stopped the transfer (CAN)", now)
         self._note_taken()
+        if self._stored_at_end is not None:
+            self._stored_at_end += stored
         if self._state is State.DELIVERED and not stored:
             self._end(Outcome.COMPLETE, "delivered whole, and the buffer is empty", now)
 
-    def _judge_reset(self, now: Nanos) -> None:
+    def _judge_reset(self, stored: int, now: Nanos) -> None:
         if not self._canned:
             self._note_taken()
-        if self._state is State.DELIVERED:
+        if self._state is State.DELIVERED and not stored:
             self._end(Outcome.COMPLETE, "delivered whole, and the control is in the reset state", now)
         self._interrupt(Outcome.CANCELLED, "the control went to the reset state", now)
         self._stand_at_beginning()
@@ -304,6 +304,7 @@ class FanucAHost(HostLine):
                 self._state = State.DELIVERED
         elif self._state is State.AWAITING:
             self._state = State.DELIVERED
+            self._stored_at_end = 0
 
     # GTD
 

@@ -18,6 +18,7 @@ from tapewire.engine import (
     Held,
     LineFault,
     Nanos,
+    Notice,
     Outcome,
     Resumed,
     SignalsIn,
@@ -45,6 +46,9 @@ BEGUN: Final = frozenset({State.SENDING, State.STREAMING, State.AWAITING, State.
 UNDER_WAY: Final = BEGUN | {State.ARMED}
 
 NOT_EXECUTED: Final = "delivered whole, not executed"
+
+BETWEEN_JOBS: Final = (Command.CLB, Command.SYN)
+"""What would spoil a job under way."""
 
 TOO_OFTEN: Final = "more repetitions than Ne allows"
 
@@ -76,6 +80,7 @@ class HostLine(ABC):
         self._high = 0
         self._told: set[str] = set()
         self._sdi_due = False
+        self._stored_at_end: int | None = None
         self._canned = False
         self._nudged = False
         self._answer: Command | None = None
@@ -297,6 +302,12 @@ class HostLine(ABC):
         self._exchange.forget_retries()
 
     # the end of a job
+
+    def _drop_wishes(self) -> None:
+        """A job is under way: what was wished before it and not yet said would spoil it."""
+        for command in BETWEEN_JOBS:
+            if self._wishes.pop(command, None) is not None:
+                self._events.put(Notice(text=f"{command.value} was not said any more: a job has begun"))
 
     @property
     def _certain(self) -> int:
