@@ -102,6 +102,7 @@ class Session:
         self.driver: LineDriver
         self.ended: Ended | None = None
         self.stops = 0
+        self._all_sent = False
         self._give_up = give_up
         self._bytes_done = bytes_done
         self._total = total
@@ -129,7 +130,7 @@ class Session:
                 transport,
                 application=self._application,
                 on_event=self._on_event,
-                on_sent=self.meter.count,
+                on_sent=self._count,
             )
             self.driver = LineDriver(self.link)
             begin(transport, monotonic())
@@ -231,6 +232,12 @@ class Session:
             ),
             now,
         )
+
+    def _count(self, characters: int, now: Nanos) -> None:
+        """What is said after the whole program has gone, such as answers to polls, is no use of the line."""
+        if not self._all_sent:
+            self.meter.count(characters, now)
+            self._all_sent = self._total is not None and self._bytes_done() >= self._total
 
     def _on_event(self, event: Event, now: Nanos) -> None:
         match event:

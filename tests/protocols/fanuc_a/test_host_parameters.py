@@ -108,7 +108,7 @@ class Test442:
     def test_reset_state_after_the_end_completes(self) -> None:
         bench = Bench()
         bench.delivered()
-        assert bench.sat(BufferState.RESET, 40) == SET
+        assert bench.sat(BufferState.RESET, 0) == SET
         assert bench.ended.outcome is Outcome.COMPLETE
         assert bench.answer(Command.GTD) == WAT
 

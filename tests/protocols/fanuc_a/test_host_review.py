@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
+import pytest
+
 from tapewire.engine import (
+    SECOND,
     Ended,
+    Notice,
     Outcome,
     SignalsIn,
 )
@@ -14,14 +20,15 @@ from tapewire.protocols.fanuc_a.messages import (
     MessageReader,
     Unreadable,
 )
-from tests.protocols.fanuc_a.host_bench import Bench
+from tapewire.protocols.fanuc_a.status import BufferState
+from tests.protocols.fanuc_a.host_bench import PROGRAM, Bench
 
 WAT, EOD, SET = Message(command=Command.WAT), Message(command=Command.EOD), Message(command=Command.SET)
 
 
-def begun(handed: int, **settings: str) -> tuple[Bench, bytes]:
+def begun(handed: int, most: str = "10") -> tuple[Bench, bytes]:
     """A first DAT of which `handed` characters are out."""
-    bench = Bench(**settings)
+    bench = Bench(Ne=most)
     bench.power_on()
     bench.arm()
     bench.host.receive_signals(SignalsIn(), bench.now)
@@ -50,7 +57,7 @@ class TestADatThatHasNotLeft:
         assert bench.ended.bytes_high == bench.host.progress
 
     def test_too_many_rty_break_it_off(self) -> None:
-        bench, said = begun(100, Ne="1")
+        bench, said = begun(100, most="1")
         bench.host.receive_data(b"3DRTY1\r", bench.now)
         said = bench.pull(100)
         bench.host.receive_data(b"3DRTY1\r", bench.now)
@@ -78,3 +85,155 @@ class TestADatThatHasNotLeft:
         [ended] = bench.all(Ended)
         bench.pull()
         assert ended.bytes_high == bench.host.progress == 1024
+
+
+class TestWishes:
+    """CLB and SYN belong between jobs."""
+
+    @pytest.mark.parametrize("command", [Command.CLB, Command.SYN])
+    @pytest.mark.parametrize("when", ["before start", "armed"])
+    def test_they_are_never_said_in_a_job(self, command: Command, when: str) -> None:
+        bench = Bench()
+        bench.power_on()
+        wish = bench.host.clear_buffer if command is Command.CLB else bench.host.initialise
+        if when == "armed":
+            bench.arm()
+        wish(bench.now)
+        if when == "before start":
+            bench.arm()
+        assert bench.answer(Command.GTD).command is Command.DAT
+        assert bench.sat(BufferState.OPERATING, 100) == SET
+        [notice] = bench.all(Notice)
+        assert notice.text == f"{command.value} was not said any more: a job has begun"
+
+
+class TestObstacle:
+    """A control that does not take what SET asks for."""
+
+    @pytest.mark.parametrize(
+        ("kept", "reason"),
+        [
+            ({"convert_from": 0x58, "convert_to": 0x59}, "turns 58h of the program into 59h"),
+            ({"n": 4}, r"n=4"),
+        ],
+    )
+    def test_no_program_is_sent_to_it(self, kept: dict[str, int], reason: str) -> None:
+        bench = Bench()
+        bench.in_force = dataclasses.replace(bench.params.wanted, **kept)
+        bench.answer(Command.SYN)
+        bench.answer(Command.RDY)
+        bench.arm()
+        for _ in range(2):
+            bench.sat()
+        assert bench.answer(Command.GTD) == WAT
+        assert bench.answer(Command.GTD) == WAT
+        [notice] = bench.all(Notice)
+        assert notice.text.startswith("the program waits: ")
+        assert bench.all(Ended) == []
+        bench.sat()
+        bench.sat()
+        assert bench.answer(Command.GTD) == WAT
+        assert (bench.ended.outcome, bench.ended.bytes_high) == (Outcome.FAILED, 0)
+        assert reason in bench.ended.reason
+        assert bench.answer(Command.GTD) == WAT
+
+    def test_one_that_takes_it_late_gets_the_program(self) -> None:
+        bench = Bench()
+        bench.power_on()
+        bench.in_force = dataclasses.replace(bench.params.wanted, convert_from=0x58, convert_to=0x59)
+        bench.sat()
+        bench.arm()
+        assert bench.answer(Command.GTD) == WAT
+        bench.in_force = bench.params.wanted
+        bench.sat()
+        assert bench.answer(Command.GTD).command is Command.DAT
+
+    def test_a_conversion_into_the_same_byte_is_none(self) -> None:
+        bench = Bench()
+        bench.power_on()
+        bench.in_force = dataclasses.replace(bench.params.wanted, convert_from=0x58, convert_to=0x58)
+        bench.sat()
+        bench.arm()
+        assert bench.answer(Command.GTD).command is Command.DAT
+
+
+def test_what_packets_of_one_job_have_proven_is_not_credited_to_the_next() -> None:
+    bench = Bench(expansion=True, n="1")
+    bench.streaming(limit=3500)
+    bench.host.abort(bench.now)
+    bench.wait(1.5)
+    assert bench.ended.bytes_low > 295
+    bench.arm()
+    bench.say(Command.RST)
+    bench.sat()
+    bench.host.receive_data(b"ECGTD\r", bench.now)
+    bench.pull(300)
+    bench.say(Command.ALM)
+    second = bench.all(Ended)[1]
+    assert (second.outcome, second.bytes_low, second.bytes_high) == (Outcome.FAILED, 0, 295)
+
+
+def test_the_rest_of_a_packet_is_not_counted_for_the_next_job() -> None:
+    bench = Bench(expansion=True, n="4")
+    bench.streaming(limit=1028 + 100)
+    bench.host.abort(bench.now)
+    bench.now += 2 * SECOND
+    bench.host.handle_timer(bench.now)
+    bench.arm()
+    bench.pull()
+    assert bench.host.progress == 0
+
+
+def test_an_sdi_that_came_damaged_is_asked_for_again() -> None:
+    bench = Bench()
+    bench.sending()
+    bench.host.read_di(bench.now)
+    assert bench.answer(Command.GTD) == Message(command=Command.RDI)
+    assert bench.say_raw(b"62SDIA5\r") == b""
+    assert bench.wait(0.1) == b"3DRTY1\r"
+    assert bench.say(Command.SDI, b"A5") == b""
+    [answer] = bench.messages(bench.wait(1))
+    assert answer.data == PROGRAM[3488:6976]
+    assert bench.host.di == 0xA5
+    assert bench.all(Ended) == []
+
+
+class TestNotExecuted:
+    """COMPLETE needs an empty buffer."""
+
+    def test_reset_with_bytes_in_the_buffer(self) -> None:
+        bench = Bench()
+        bench.delivered()
+        bench.sat(BufferState.OPERATING, 12)
+        bench.sat(BufferState.RESET, 12)
+        assert bench.ended.outcome is Outcome.CANCELLED
+        assert bench.ended.reason.startswith("delivered whole, not executed")
+
+    def test_rst_before_eod(self) -> None:
+        bench = Bench(rst_at_end="complete")
+        bench.sending(b"%\nM30\n%")
+        bench.sat(BufferState.OPERATING, 7)
+        bench.answer(Command.RST)
+        assert bench.ended.outcome is Outcome.CANCELLED
+
+    def test_rst_after_eod_with_bytes_in_the_buffer(self) -> None:
+        bench = Bench(rst_at_end="complete")
+        bench.delivered()
+        bench.sat(BufferState.OPERATING, 12)
+        bench.answer(Command.RST)
+        assert bench.ended.outcome is Outcome.CANCELLED
+
+
+def test_rst_in_the_middle_of_a_dat_cancels() -> None:
+    bench, _ = begun(100)
+    assert bench.answer(Command.RST) == Message(command=Command.ARS)
+    assert (bench.ended.outcome, bench.ended.bytes_high) == (Outcome.CANCELLED, 95)
+
+
+def test_to_give_up_what_has_not_begun_needs_no_reset() -> None:
+    bench = Bench()
+    bench.power_on()
+    bench.arm()
+    bench.host.abort(bench.now)
+    bench.drain()
+    assert bench.ended.reason == "given up here; nothing of it was sent"

@@ -34,7 +34,7 @@ from tapewire.protocols.fanuc_a.messages import (
 )
 from tapewire.protocols.fanuc_a.packets import MonitorPacket, packet_bytes
 from tapewire.protocols.fanuc_a.params import GtdAnswers, RstAtEnd
-from tapewire.protocols.fanuc_a.status import AlarmCause, BufferState, Status
+from tapewire.protocols.fanuc_a.status import CAUSES, BufferState, Status
 
 __all__ = ["LAW", "FanucAHost", "State"]
 
@@ -70,10 +70,15 @@ class FanucAHost(HostLine):
                 raise UsageError(refusal)
         self._job = job
         self._state = State.ARMED
+        self._drop_wishes()
         self._proven = self._high = 0
+        self._stored_at_end = None
+        if not self._recall:
+            self._outbox.forget_program()
         self._exchange.forget_retries()
         self._exchange.begin(now)
-        if self._streaming.waits_for_job and self._fresh:
+        self._told.discard("obstacle")
+        if self._streaming.waits_for_job and self._fresh and not self._agreement.obstacle:
             self._streaming.take_up(job)
             self._begin_streaming()
         self._settle(now)
@@ -88,7 +93,9 @@ class FanucAHost(HostLine):
         """
         if self._state not in UNDER_WAY:
             return
-        self._end(Outcome.CANCELLED, "given up here; RESET the control before anything else is sent to it", now)
+        begun = self._state in BEGUN
+        advice = "RESET the control before anything else is sent to it" if begun else "nothing of it was sent"
+        self._end(Outcome.CANCELLED, f"given up here; {advice}", now)
         self._settle(now)
 
     def hold_reception(self, now: Nanos) -> None:
@@ -151,10 +158,12 @@ class FanucAHost(HostLine):
         self._timers.stop(Timer.SOURCE)
         self._answer = None
         if command is not Command.RTY:
+            self._sdi_due = False
             self._exchange.good()
             self._leave_packets()
             if cut:
-                self._interrupt(Outcome.FAILED, f"{command.value} came before the end of a DAT", now)
+                outcome = Outcome.CANCELLED if command is Command.RST else Outcome.FAILED
+                self._interrupt(outcome, f"{command.value} came before the end of a DAT", now)
         self._dispatch(message, now)
         assert self._answer is None or self._answer in row.answers, f"{command} was answered with {self._answer}"
         assert self._state in row.states, f"{command} led from {before} to {self._state}"
@@ -162,7 +171,7 @@ class FanucAHost(HostLine):
     def _is_out_of_place(self, command: Command) -> bool:
         match command:
             case Command.SDI:
-                return self._exchange.last is not Command.RDI
+                return not self._sdi_due
             case Command.RTY:
                 return self._streaming.active or self._exchange.last is None
             case _:
@@ -172,7 +181,7 @@ class FanucAHost(HostLine):
         """A message of protocol A ends the packets (5.2 2) b))."""
         self._canned = self._streaming.stopped
         self._fresh = self._fresh or self._canned
-        self._proven = max(self._proven, self._streaming.proven)
+        self._proven = max(self._proven, self._proven_by_packets)
         self._streaming.close()
 
     def _dispatch(self, message: Message, now: Nanos) -> None:
@@ -195,6 +204,9 @@ class FanucAHost(HostLine):
 
     def _say(self, command: Command, data: bytes = b"", span: Span | None = None) -> None:
         self._answer = command
+        self._sdi_due = command is Command.RDI
+        if command is Command.EOD and self._stored_at_end is None:
+            self._stored_at_end = 0
         self._exchange.say(Message(command=command, data=data), span)
 
     def _on_initialisation(self, command: Command, now: Nanos) -> None:
@@ -206,7 +218,8 @@ class FanucAHost(HostLine):
 
     def _on_rst(self, now: Nanos) -> None:
         """8.2: what is in the buffer is lost."""
-        if self._state is State.DELIVERED and self._params.rst_at_end is RstAtEnd.COMPLETE:
+        told_empty = self._state is State.DELIVERED and self._stored_at_end == 0
+        if told_empty and self._params.rst_at_end is RstAtEnd.COMPLETE:
             self._end(Outcome.COMPLETE, "delivered whole; the control was reset at its end (RST)", now)
         self._interrupt(Outcome.CANCELLED, "the control was reset (RST)", now)
         self._stand_at_beginning()
@@ -256,9 +269,9 @@ class FanucAHost(HostLine):
             case BufferState.OPERATING:
                 self._judge_operating(status.stored, now)
             case BufferState.RESET:
-                self._judge_reset(now)
+                self._judge_reset(status.stored, now)
             case BufferState.ALARM:
-                cause = _CAUSES[status.cause]
+                cause = CAUSES[status.cause]
                 self._interrupt(Outcome.FAILED, f"the remote buffer is in alarm state: {cause}", now)
                 self._stand_at_beginning()
             case BufferState.NOT_READY | BufferState.OPEN_LINE:
@@ -269,13 +282,15 @@ class FanucAHost(HostLine):
         if self._canned:
             self._interrupt(Outcome.FAILED, "the control stopped the transfer (CAN)", now)
         self._note_taken()
+        if self._stored_at_end is not None:
+            self._stored_at_end += stored
         if self._state is State.DELIVERED and not stored:
             self._end(Outcome.COMPLETE, "delivered whole, and the buffer is empty", now)
 
-    def _judge_reset(self, now: Nanos) -> None:
+    def _judge_reset(self, stored: int, now: Nanos) -> None:
         if not self._canned:
             self._note_taken()
-        if self._state is State.DELIVERED:
+        if self._state is State.DELIVERED and not stored:
             self._end(Outcome.COMPLETE, "delivered whole, and the control is in the reset state", now)
         self._interrupt(Outcome.CANCELLED, "the control went to the reset state", now)
         self._stand_at_beginning()
@@ -289,6 +304,7 @@ class FanucAHost(HostLine):
                 self._state = State.DELIVERED
         elif self._state is State.AWAITING:
             self._state = State.DELIVERED
+            self._stored_at_end = 0
 
     # GTD
 
@@ -303,6 +319,8 @@ class FanucAHost(HostLine):
         match self._state:
             case State.ARMED if not self._agreement.settled:
                 self._say(Command.WAT)
+            case State.ARMED if self._agreement.obstacle:
+                self._meet_obstacle(self._agreement.obstacle, now)
             case State.ARMED if not self._fresh:
                 self._tell_middle()
                 self._have_it_wait(now)
@@ -319,6 +337,16 @@ class FanucAHost(HostLine):
                     self._events.put(Requested(served=False))
                 self._have_it_wait(now)
 
+    def _meet_obstacle(self, obstacle: str, now: Nanos) -> None:
+        """Wait as long as SET may still remove it."""
+        if self._agreement.refused:
+            self._fail_unsent(f"nothing was sent: {obstacle}", now)
+            return
+        if "obstacle" not in self._told:
+            self._told.add("obstacle")
+            self._events.put(Notice(text=f"the program waits: {obstacle}"))
+        self._say(Command.WAT)
+
     def _tell_middle(self) -> None:
         if "middle" not in self._told:
             self._told.add("middle")
@@ -327,14 +355,20 @@ class FanucAHost(HostLine):
 
     def _have_it_wait(self, now: Nanos) -> None:
         """No data now: WAT; among packets invalid ones, since a message may look like a packet (5.2)."""
-        if self._agreement.n and self._params.gtd_answers is GtdAnswers.PACKETS:
+        if self._answers_by_packets:
             self._begin_packets(None)
         else:
             self._say(Command.WAT)
 
+    @property
+    def _answers_by_packets(self) -> bool:
+        """A host of protocol A never does, whatever the control keeps."""
+        packets = self._params.packet_n and self._agreement.n
+        return bool(packets) and self._params.gtd_answers is GtdAnswers.PACKETS
+
     def _say_no_more(self) -> None:
         """Nothing left: EOD; among packets an end packet with EOR alone."""
-        if self._agreement.n and self._params.gtd_answers is GtdAnswers.PACKETS:
+        if self._answers_by_packets:
             self._streaming.begin_end_only()
         else:
             self._say(Command.EOD)
@@ -350,6 +384,7 @@ class FanucAHost(HostLine):
 
     def _begin_program(self, why: str) -> None:
         self._fresh = False
+        self._drop_wishes()
         self._told.discard("unserved")
         self._nudged = False
         self._events.put(Requested())
@@ -455,11 +490,3 @@ class FanucAHost(HostLine):
             self._interrupt(Outcome.FAILED, problem, now)
         elif self._state is State.AWAITING and self._streaming.our_turn:
             self._state = State.STREAMING
-
-
-_CAUSES: Final = {
-    AlarmCause.NC_ALARM: "NC alarm",
-    AlarmCause.CHECKSUM: "too many checksum errors",
-    AlarmCause.UNEXPECTED: "it did not expect our answer",
-    AlarmCause.OVERRUN: "too many overruns",
-}

@@ -74,6 +74,22 @@ class Agreement:
         return "; ".join(values)
 
     @property
+    def obstacle(self) -> str:
+        """Why no program may be sent to the control as it reports itself; empty when one may."""
+        kept, wanted = self._reported, self._wanted
+        if kept.convert_from != kept.convert_to and (kept.convert_from, kept.convert_to) != (
+            wanted.convert_from,
+            wanted.convert_to,
+        ):
+            return (
+                f"the control turns {kept.convert_from:02X}h of the program into {kept.convert_to:02X}h "
+                f"(SAT 45 to 48); asked for were {wanted.convert_from:02X}h and {wanted.convert_to:02X}h"
+            )
+        if self.n and not wanted.n:
+            return f"the control keeps packets (SAT 55 to 56: n={self.n}); asked for was protocol A (n=0)"
+        return ""
+
+    @property
     def _possible(self) -> tuple[Parameters, ...]:
         """A SET that no SAT has confirmed may be in force or not."""
         return (self._reported,) if self._asked is None else (self._reported, self._asked)

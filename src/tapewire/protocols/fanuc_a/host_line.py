@@ -18,6 +18,7 @@ from tapewire.engine import (
     Held,
     LineFault,
     Nanos,
+    Notice,
     Outcome,
     Resumed,
     SignalsIn,
@@ -45,6 +46,9 @@ BEGUN: Final = frozenset({State.SENDING, State.STREAMING, State.AWAITING, State.
 UNDER_WAY: Final = BEGUN | {State.ARMED}
 
 NOT_EXECUTED: Final = "delivered whole, not executed"
+
+BETWEEN_JOBS: Final = (Command.CLB, Command.SYN)
+"""What would spoil a job under way."""
 
 TOO_OFTEN: Final = "more repetitions than Ne allows"
 
@@ -75,6 +79,8 @@ class HostLine(ABC):
         self._proven = 0
         self._high = 0
         self._told: set[str] = set()
+        self._sdi_due = False
+        self._stored_at_end: int | None = None
         self._canned = False
         self._nudged = False
         self._answer: Command | None = None
@@ -291,17 +297,29 @@ class HostLine(ABC):
 
     def _begin_anew(self) -> None:
         self._streaming.close()
+        self._sdi_due = False
         self._agreement.begin_anew()
         self._exchange.forget_retries()
 
     # the end of a job
+
+    def _drop_wishes(self) -> None:
+        """A job is under way: what was wished before it and not yet said would spoil it."""
+        for command in BETWEEN_JOBS:
+            if self._wishes.pop(command, None) is not None:
+                self._events.put(Notice(text=f"{command.value} was not said any more: a job has begun"))
 
     @property
     def _certain(self) -> int:
         """Bytes of the program that are proven to be with the control."""
         if self._state is State.DELIVERED:
             return self._high
-        return max(self._proven, self._streaming.proven)
+        return max(self._proven, self._proven_by_packets)
+
+    @property
+    def _proven_by_packets(self) -> int:
+        """Packets may be on without being those of this job."""
+        return self._streaming.proven if self._state in (State.STREAMING, State.AWAITING) else 0
 
     @property
     def _is_sending_dat(self) -> bool:
@@ -337,4 +355,5 @@ class HostLine(ABC):
         if ending is not None:
             high = max(self._high, ending.bytes_high, self._outbox.will_reach)
             low = high if ending.outcome is Outcome.COMPLETE else ending.bytes_low
+            assert 0 <= low <= high, f"proven {low} of {high} handed over"
             self._events.put(Ended(outcome=ending.outcome, reason=ending.reason, bytes_low=low, bytes_high=high))

@@ -81,6 +81,10 @@ class Outbox:
         """What `reached` is when all of it has been handed over."""
         return self._span.base + self._span.length if self._span is not None else 0
 
+    def forget_program(self) -> None:
+        """What is left of an utterance is none of the next program's bytes."""
+        self._span = None
+
     def hand_over(self, count: int, now: Nanos) -> None:
         if not self.in_flight:
             self._begun_at = now

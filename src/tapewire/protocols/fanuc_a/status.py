@@ -13,6 +13,7 @@ from typing import Final
 from tapewire.protocols.fanuc_a.messages import LONGEST_DATA, DataError, parse_hex
 
 __all__ = [
+    "CAUSES",
     "LIMITS",
     "POWER_ON",
     "SHORTEST_STATUS",
@@ -235,3 +236,12 @@ class Setting:
         """`length` is 56 or 72: one that stops at 48 might not be accepted."""
         assert USED_LENGTH <= length <= LONGEST_DATA
         return _encode(self.switching.encode(), None, self.parameters, length, filler)
+
+
+CAUSES: Final = {
+    AlarmCause.NC_ALARM: "NC alarm",
+    AlarmCause.CHECKSUM: "too many checksum errors",
+    AlarmCause.UNEXPECTED: "it did not expect our answer",
+    AlarmCause.OVERRUN: "too many overruns",
+}
+"""What alarm state is about, in words."""
