@@ -16,9 +16,14 @@ CODES = pytest.mark.parametrize("code", ["ascii", "iso"])
 ENDS = pytest.mark.parametrize("end", ["cr", "etx"])
 
 
-def transfer(name: str, program: bytes, settings: dict[str, str], **host_settings: str) -> tuple[World, Pair]:
+BAUDS = pytest.mark.parametrize("baud", [19_200, 86_400])
+
+
+def transfer(
+    name: str, program: bytes, settings: dict[str, str], *, baud: int | None = None, **host_settings: str
+) -> tuple[World, Pair]:
     world = World()
-    pair = world.pair(name, settings=settings, host_settings=host_settings, grain=512)
+    pair = world.pair(name, baud=baud, settings=settings, host_settings=host_settings, grain=512)
     pair.host.start(BytesIO(program), world.now)
     world.run_for(5 * SECOND)
     pair.cnc.cycle_start(world.now)
@@ -31,19 +36,21 @@ def transfer(name: str, program: bytes, settings: dict[str, str], **host_setting
     return world, pair
 
 
+@BAUDS
 @CODES
 @ENDS
-def test_protocol_a(code: str, end: str) -> None:
+def test_protocol_a(code: str, end: str, baud: int) -> None:
     data = DataCode(code)
-    transfer("fanuc-a", encode(TEXT, data), {"code": code, "end": end, "data": code})
+    transfer("fanuc-a", encode(TEXT, data), {"code": code, "end": end, "data": code}, baud=baud)
 
 
 @pytest.mark.parametrize("n", ["1", "2", "4"])
+@BAUDS
 @CODES
 @ENDS
-def test_expansion_a(n: str, code: str, end: str) -> None:
+def test_expansion_a(n: str, code: str, end: str, baud: int) -> None:
     data = DataCode(code)
-    transfer("fanuc-a-expansion", encode(TEXT, data), {"code": code, "end": end, "data": code}, n=n)
+    transfer("fanuc-a-expansion", encode(TEXT, data), {"code": code, "end": end, "data": code}, baud=baud, n=n)
 
 
 @pytest.mark.parametrize("name", ["fanuc-a", "fanuc-a-expansion"])
