@@ -1,0 +1,124 @@
+"""What must hold of every transfer, and how what a protocol cannot see is told from what an engine did wrong.
+
+Each rule looks at the evidence and either is satisfied, or names what the protocol's own rules cannot detect
+(`undetectable.py` decides that from what was injected), or reports a violation. Nothing is waved through: an excuse
+has a name, and is counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from tapewire.line.paths import PATHS, TransmitterEmpty
+from tapewire.sim.evidence import Attempt, Evidence, Job
+from tapewire.sim.scenarios import Direction, Scenario
+from tapewire.sim.undetectable import Excuses
+
+__all__ = ["FOOTPRINT_BYTES", "Finding", "judge"]
+
+FOOTPRINT_BYTES: Final = 300 * 1024
+"""An engine holds no more beside the program: buffers of 8 KB, ten packets, tables, its last events."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """`rule` did not hold. `undetectable` names why nobody could have noticed; empty: it is a violation."""
+
+    rule: str
+    what: str
+    undetectable: str = ""
+
+
+def judge(scenario: Scenario, evidence: Evidence) -> list[Finding]:
+    """Everything that does not hold."""
+    excuses = Excuses(scenario, evidence)
+    findings = [
+        Finding(rule, what, excuse)
+        for rules in (_always, _send if scenario.direction is Direction.SEND else _receive)
+        for rule, what, excuse in rules(scenario, evidence, excuses)
+    ]
+    return findings
+
+
+Broken = tuple[str, str, str]
+
+
+def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterator[Broken]:
+    if evidence.broken:
+        yield "no engine breaks", evidence.broken, ""
+    if evidence.footprint > FOOTPRINT_BYTES:
+        yield "memory is bounded", f"{evidence.footprint:,} bytes", ""
+    for who in evidence.waited:
+        yield "nobody waits for ever", f"the {who} waits, and nothing more is to come", excuses.waiting(who)
+    for who in evidence.stuck:
+        yield "what is ended by hand ends", f"the {who} did not end after RESET and giving up", ""
+    for moment, count, allowed in evidence.overruns:
+        if count > allowed:
+            what = f"{count} characters after a stop at {moment / 1e9:.3f} s, {allowed} allowed"
+            yield "no more comes after a stop than is allowed", what, _overrun_excuse(scenario, excuses)
+
+
+def _overrun_excuse(scenario: Scenario, excuses: Excuses) -> str:
+    if PATHS[scenario.path].transmitter_empty is not TransmitterEmpty.ASKED:
+        return "a path that guarantees no stop distance"
+    return excuses.overrun()
+
+
+def _send(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterator[Broken]:
+    for number, attempt in enumerate(evidence.attempts):
+        if not attempt.armed and attempt.got:
+            yield "nothing is sent that was not armed", f"{attempt.got} bytes came", excuses.out_of_nothing(attempt)
+        wrong = _first_difference(bytes(attempt.delivered), evidence.program)
+        if wrong is not None and attempt.armed:
+            what = f"attempt {number + 1}: byte {wrong} of {len(attempt.delivered)} delivered differs"
+            yield "what is delivered is a prefix of the program", what, excuses.content(attempt, wrong)
+    for job in evidence.jobs:
+        yield from _job_sent(evidence, job, excuses)
+
+
+def _first_difference(got: bytes, program: bytes) -> int | None:
+    if program.startswith(got):
+        return None
+    return next((at for at, (one, other) in enumerate(zip(got, program, strict=False)) if one != other), len(program))
+
+
+def _job_sent(evidence: Evidence, job: Job, excuses: Excuses) -> Iterator[Broken]:
+    if job.complete is None:
+        return
+    attempts = [attempt for attempt in evidence.attempts[job.attempts_before :] if attempt.began <= job.ended]
+    got = job.got_at_end
+    if job.complete:
+        if got != len(evidence.program):
+            what = f"{got} of {len(evidence.program)} bytes were with the control: {job.reason}"
+            yield "complete means delivered whole", what, excuses.short(attempts[-1] if attempts else None)
+        return
+    if job.low > got:
+        what = f"{job.low} bytes certain, {got} with the control: {job.reason}"
+        yield "what is certain is with the control", what, excuses.less(attempts)
+    most = max((attempt.got for attempt in attempts), default=0)
+    if job.high < most:
+        what = f"{job.high} bytes at most, {most} with the control: {job.reason}"
+        yield "no more is with the control than can be", what, excuses.more(attempts)
+
+
+def _receive(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterator[Broken]:
+    program = evidence.program
+    for number, job in enumerate(evidence.jobs):
+        attempts = [attempt for attempt in evidence.attempts[job.attempts_before :] if attempt.began >= job.began]
+        stored = bytes(job.stored)
+        wrong = _first_difference(stored, program)
+        if wrong is not None:
+            what = f"job {number + 1}: byte {wrong} of {len(stored)} stored differs"
+            yield "what is stored is a prefix of what was sent", what, excuses.content(_last(attempts), wrong)
+        if job.complete and stored != program and wrong is None:
+            what = f"{len(stored)} of {len(program)} bytes are stored: {job.reason}"
+            yield "complete means stored whole", what, excuses.short(_last(attempts))
+        if job.complete is not None and job.low != len(stored):
+            yield "the count is what is stored", f"{job.low} counted, {len(stored)} stored", ""
+
+
+def _last(attempts: list[Attempt]) -> Attempt | None:
+    return attempts[-1] if attempts else None
+
