@@ -61,7 +61,7 @@ def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterato
 
 
 def _overrun_excuse(scenario: Scenario, excuses: Excuses) -> str:
-    if PATHS[scenario.path].transmitter_empty is not TransmitterEmpty.ASKED:
+    if scenario.window is not None or PATHS[scenario.path].transmitter_empty is not TransmitterEmpty.ASKED:
         return "a path that guarantees no stop distance"
     return excuses.overrun()
 
@@ -87,7 +87,7 @@ def _first_difference(got: bytes, program: bytes) -> int | None:
 def _job_sent(evidence: Evidence, job: Job, excuses: Excuses) -> Iterator[Broken]:
     if job.complete is None:
         return
-    attempts = [attempt for attempt in evidence.attempts[job.attempts_before :] if attempt.began <= job.ended]
+    attempts = _attempts_of(evidence, job)
     got = job.got_at_end
     if job.complete:
         if got != len(evidence.program):
@@ -106,7 +106,7 @@ def _job_sent(evidence: Evidence, job: Job, excuses: Excuses) -> Iterator[Broken
 def _receive(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterator[Broken]:
     program = evidence.program
     for number, job in enumerate(evidence.jobs):
-        attempts = [attempt for attempt in evidence.attempts[job.attempts_before :] if attempt.began >= job.began]
+        attempts = _attempts_of(evidence, job)
         stored = bytes(job.stored)
         wrong = _first_difference(stored, program)
         if wrong is not None:
@@ -117,6 +117,12 @@ def _receive(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterat
             yield "complete means stored whole", what, excuses.short(_last(attempts))
         if job.complete is not None and job.low != len(stored):
             yield "the count is what is stored", f"{job.low} counted, {len(stored)} stored", ""
+
+
+def _attempts_of(evidence: Evidence, job: Job) -> list[Attempt]:
+    """Those that began while the job was armed."""
+    later = evidence.attempts[job.attempts_before :]
+    return [attempt for attempt in later if attempt.armed and (not job.ended or attempt.began <= job.ended)]
 
 
 def _last(attempts: list[Attempt]) -> Attempt | None:

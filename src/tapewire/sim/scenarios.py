@@ -87,6 +87,8 @@ class Scenario:
     settings: Settings
     grain: int
     cnc_window: int
+    window: int | None
+    """Characters the host allows itself in flight; None: what its protocol asks for."""
     late: Nanos
     """The host's computer wakes it up to so much late."""
     source_pauses: float
@@ -166,6 +168,7 @@ def draw(protocol: str, preset: str, seed: int, *, path: str | None = None, punc
         settings=settings,
         grain=draws.choice((1, 8, 16, 32, 64, 128, 128)) if size < SMALL_BYTES else draws.choice((16, 64, 128, 128)),
         cnc_window=_cnc_window(draws, settings, size, direction),
+        window=_wide_window(draws, protocol, size, direction),
         late=draws.choice((0, 0, 1, 15)) * MILLISECOND,
         source_pauses=draws.choice((0.0, 0.0, 0.0, 0.05)),
         start=round(draws.choice((0.0, draws.uniform(0, 3))) * SECOND),
@@ -183,6 +186,14 @@ def _cnc_window(draws: Draws, settings: Settings, size: int, direction: Directio
     if direction is Direction.RECEIVE and size > SMALL_BYTES:
         return draws.choice((64, 128))
     return draws.choice((1, 2, 2, 16))
+
+
+def _wide_window(draws: Draws, protocol: str, size: int, direction: Direction) -> int | None:
+    """Bridgeport's three characters make a host go two by two. Most of its large transfers have more in flight, as by
+    way of a serial server; then too much may come after XOFF, and that is told.
+    """
+    is_slow = protocol == "bridgeport" and direction is Direction.SEND and size > SMALL_BYTES
+    return 64 if is_slow and draws.happens(0.9) else None
 
 
 def _size(draws: Draws) -> int:

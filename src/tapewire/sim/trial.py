@@ -111,6 +111,7 @@ class Trial:
             baud=scenario.baud,
             host_settings=scenario.settings.host,
             cnc_settings=scenario.settings.cnc,
+            window=scenario.window,
             cnc_window=scenario.cnc_window,
             grain=scenario.grain,
             has_signals=scenario.has_signals,
@@ -145,7 +146,7 @@ class Trial:
         if self._sends and self._busy:
             cnc = self.pair.cnc
             attempt = self.evidence.attempts[-1]
-            got = cnc.progress + cnc.buffered
+            got = max(cnc.progress + cnc.buffered, len(attempt.delivered))
             if got > attempt.got:
                 attempt.got = got
 
@@ -162,6 +163,7 @@ class Trial:
 
     def _cnc_event(self, event: Event, now: Nanos) -> None:
         if isinstance(event, Ended):
+            self._step(now)
             self._busy = False
         elif isinstance(event, AfterStop):
             self.evidence.overruns.append((now, event.count, event.allowed))
