@@ -148,7 +148,9 @@ def _sum_up(totals: Totals, seconds: float, outcome: str, as_json: bool) -> None
     say(f"in {seconds:,.1f} s: {rate:,.1f} transfers and {hours / max(seconds, 1e-9):.2f} simulated hours a second")
     _counted("Outcomes", totals.outcomes.items())
     _counted("Faults and acts", totals.faults.items())
-    _counted("Undetectable by the protocol's own rules", ((f"{a}: {b}", n) for (a, b), n in totals.undetectable.items()))
+    _counted(
+        "Undetectable by the protocol's own rules", ((f"{a}: {b}", n) for (a, b), n in totals.undetectable.items())
+    )
     _counted("Violations", totals.violations.items())
     for report in totals.failures:
         say(report.case.command)
@@ -173,7 +175,12 @@ def _bar(count: int) -> Iterator[Any]:
     if not sys.stderr.isatty():
         yield lambda totals: None
         return
-    columns = (TextColumn("{task.fields[state]}"), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.fields[state]}"),
+        BarColumn(bar_width=None),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=Console(stderr=True), redirect_stdout=False) as progress:
         task = progress.add_task("", total=count, state="no violation")
 

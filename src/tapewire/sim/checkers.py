@@ -11,10 +11,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
+from tapewire.line.faults.plan import Wire
 from tapewire.line.paths import PATHS, TransmitterEmpty
 from tapewire.sim.evidence import Attempt, Evidence, Job
 from tapewire.sim.scenarios import Direction, Scenario
-from tapewire.sim.undetectable import Excuses
+from tapewire.sim.undetectable import Excuses, first_difference
 
 __all__ = ["FOOTPRINT_BYTES", "Finding", "judge"]
 
@@ -34,12 +35,11 @@ class Finding:
 def judge(scenario: Scenario, evidence: Evidence) -> list[Finding]:
     """Everything that does not hold."""
     excuses = Excuses(scenario, evidence)
-    findings = [
+    return [
         Finding(rule, what, excuse)
         for rules in (_always, _send if scenario.direction is Direction.SEND else _receive)
         for rule, what, excuse in rules(scenario, evidence, excuses)
     ]
-    return findings
 
 
 Broken = tuple[str, str, str]
@@ -57,47 +57,50 @@ def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterato
     for moment, count, allowed in evidence.overruns:
         if count > allowed:
             what = f"{count} characters after a stop at {moment / 1e9:.3f} s, {allowed} allowed"
-            yield "no more comes after a stop than is allowed", what, _overrun_excuse(scenario, excuses)
+            yield "no more comes after a stop than is allowed", what, _overrun_excuse(scenario, allowed, excuses)
 
 
-def _overrun_excuse(scenario: Scenario, excuses: Excuses) -> str:
-    if scenario.window is not None or PATHS[scenario.path].transmitter_empty is not TransmitterEmpty.ASKED:
+def _overrun_excuse(scenario: Scenario, allowed: int, excuses: Excuses) -> str:
+    """A receive FIFO tells a lone DC3 some characters late; what is on the line then comes all the same."""
+    path = PATHS[scenario.path]
+    late_told = path.timeout_characters + scenario.cnc_window
+    if path.transmitter_empty is not TransmitterEmpty.ASKED or in_flight(scenario) + late_told > allowed:
         return "a path that guarantees no stop distance"
     return excuses.overrun()
+
+
+def in_flight(scenario: Scenario) -> int:
+    """Characters the host allows itself on the line."""
+    return scenario.window or scenario.default_window
 
 
 def _send(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterator[Broken]:
     for number, attempt in enumerate(evidence.attempts):
         if not attempt.armed and attempt.got:
             yield "nothing is sent that was not armed", f"{attempt.got} bytes came", excuses.out_of_nothing(attempt)
-        wrong = _first_difference(bytes(attempt.delivered), evidence.program)
+        wrong = first_difference(bytes(attempt.delivered), evidence.program)
         if wrong is not None and attempt.armed:
             what = f"attempt {number + 1}: byte {wrong} of {len(attempt.delivered)} delivered differs"
             yield "what is delivered is a prefix of the program", what, excuses.content(attempt, wrong)
     for job in evidence.jobs:
-        yield from _job_sent(evidence, job, excuses)
+        yield from _job_sent(scenario, evidence, job, excuses)
 
 
-def _first_difference(got: bytes, program: bytes) -> int | None:
-    if program.startswith(got):
-        return None
-    return next((at for at, (one, other) in enumerate(zip(got, program, strict=False)) if one != other), len(program))
-
-
-def _job_sent(evidence: Evidence, job: Job, excuses: Excuses) -> Iterator[Broken]:
+def _job_sent(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuses) -> Iterator[Broken]:
     if job.complete is None:
         return
     attempts = _attempts_of(evidence, job)
-    got = job.got_at_end
+    got, whole = job.got_at_end, len(evidence.program)
+    most = max((attempt.got for attempt in attempts), default=0)
     if job.complete:
-        if got != len(evidence.program):
-            what = f"{got} of {len(evidence.program)} bytes were with the control: {job.reason}"
+        # The last characters may still be on the line, or in an adapter that does not say so.
+        if most != whole or got + in_flight(scenario) < whole:
+            what = f"{got}, at last {most}, of {whole} bytes were with the control: {job.reason}"
             yield "complete means delivered whole", what, excuses.short(attempts[-1] if attempts else None)
         return
     if job.low > got:
         what = f"{job.low} bytes certain, {got} with the control: {job.reason}"
         yield "what is certain is with the control", what, excuses.less(attempts)
-    most = max((attempt.got for attempt in attempts), default=0)
     if job.high < most:
         what = f"{job.high} bytes at most, {most} with the control: {job.reason}"
         yield "no more is with the control than can be", what, excuses.more(attempts)
@@ -108,8 +111,9 @@ def _receive(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterat
     for number, job in enumerate(evidence.jobs):
         attempts = _attempts_of(evidence, job)
         stored = bytes(job.stored)
-        wrong = _first_difference(stored, program)
-        if wrong is not None:
+        wrong = first_difference(stored, program)
+        if wrong is not None and (job.complete or not evidence.on(Wire.FROM_CONTROL)):
+            # What came damaged is stored as it was read, so that its place can be found; it is just not complete.
             what = f"job {number + 1}: byte {wrong} of {len(stored)} stored differs"
             yield "what is stored is a prefix of what was sent", what, excuses.content(_last(attempts), wrong)
         if job.complete and stored != program and wrong is None:
@@ -127,4 +131,3 @@ def _attempts_of(evidence: Evidence, job: Job) -> list[Attempt]:
 
 def _last(attempts: list[Attempt]) -> Attempt | None:
     return attempts[-1] if attempts else None
-

@@ -162,9 +162,7 @@ class Evidence:
         if len(self.damages) >= MOST_DAMAGES:
             self.too_many = True
             return
-        self.damages.append(
-            Damage(entry.moment, entry.kind, entry.wire, entry.place, entry.sent, entry.arrived)
-        )
+        self.damages.append(Damage(entry.moment, entry.kind, entry.wire, entry.place, entry.sent, entry.arrived))
 
     def note_act(self, what: str, now: Nanos) -> None:
         self.acts.append((now, what))

@@ -38,9 +38,9 @@ def _packets(brought: bytes, sent: bytes, length: int) -> bool:
         if brought[end] != 0x0D:
             continue
         first = end - length + 1
-        if (sums[end - 2] - sums[first]) & 0xFF == _digits(brought[end - 2 : end]):
-            if brought[first : end + 1] not in sent:
-                return True
+        right = (sums[end - 2] - sums[first]) & 0xFF == _digits(brought[end - 2 : end])
+        if right and brought[first : end + 1] not in sent:
+            return True
     return False
 
 
@@ -58,9 +58,9 @@ def forged_records(sent: bytes, brought: bytes, lrc: str) -> bool:
     starts = [0, *(end + 2 for end in ends)]
     for end in ends:
         for start in starts:
-            if 0 <= end - start <= 256 and brought[start : end + 2] not in sent:
-                if _check(brought[start:end], brought[end], lrc) == brought[end + 1]:
-                    return True
+            right = 0 <= end - start <= 256 and _check(brought[start:end], brought[end], lrc) == brought[end + 1]
+            if right and brought[start : end + 2] not in sent:
+                return True
     return False
 
 

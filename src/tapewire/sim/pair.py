@@ -30,7 +30,7 @@ class Side:
     `late` says how much later than it wanted its computer wakes it, each time; None is a control, which is never late.
     """
 
-    __slots__ = ("asleep_until", "late", "link", "off", "_due", "_wanted")
+    __slots__ = ("_due", "_wanted", "asleep_until", "late", "link", "off")
 
     def __init__(self, link: Link) -> None:
         self.link = link
@@ -94,6 +94,7 @@ class Pair:
     on_step: Callable[[Nanos], None] | None = None
     """Called after every step of either end."""
     _dues: tuple[Nanos | None, Nanos | None] = (None, None)
+    _readers: tuple[Reader, Reader] | None = None
 
     @property
     def host_link(self) -> Link:
@@ -186,7 +187,10 @@ class Pair:
     def _hear(self, who: str, reader: int) -> Callable[[LineItem, Nanos], None] | None:
         if not self.transcript.kept_lines:
             return None
-        return _listener(self.transcript, who, self.entry.words(self.cnc_params)[reader])
+        if self._readers is None:
+            # One pair of readers for both directions: what one end says tells how the other is to be read.
+            self._readers = self.entry.words(self.cnc_params)
+        return _listener(self.transcript, who, self._readers[reader])
 
     def _note_host(self, event: Event, now: Nanos) -> None:
         if isinstance(event, Ended):

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from enum import Enum, StrEnum
 from typing import Final
 
-from tapewire.codes import DataCode
 from tapewire.engine import MILLISECOND, SECOND, Nanos
-from tapewire.line.pacing import character_time
+from tapewire.line.pacing import character_time, default_window
+from tapewire.protocols import PROTOCOLS
+from tapewire.protocols.settings import End
 from tapewire.sim.programs import LEAST_BYTES, MOST_BYTES, program, program_with_cr_lf
 from tapewire.sim.streams import Draws
 from tapewire.sim.switches import Settings, draw_settings
@@ -108,6 +109,13 @@ class Scenario:
         return program(self.size, self.place, self.settings.data)
 
     @property
+    def default_window(self) -> int:
+        """What the host allows itself on the line when nobody says otherwise."""
+        entry = PROTOCOLS[self.protocol]
+        host = entry.host(entry.params(self.settings.host, End.HOST))
+        return default_window(self.baud, host.needs_stop_distance)
+
+    @property
     def line_time(self) -> Nanos:
         """What the program needs on the line, alone."""
         return self.size * character_time(self.baud)
@@ -168,7 +176,7 @@ def draw(protocol: str, preset: str, seed: int, *, path: str | None = None, punc
         settings=settings,
         grain=draws.choice((1, 8, 16, 32, 64, 128, 128)) if size < SMALL_BYTES else draws.choice((16, 64, 128, 128)),
         cnc_window=_cnc_window(draws, settings, size, direction),
-        window=_wide_window(draws, protocol, size, direction),
+        window=_wide_window(draws, protocol, baud, size, direction),
         late=draws.choice((0, 0, 1, 15)) * MILLISECOND,
         source_pauses=draws.choice((0.0, 0.0, 0.0, 0.05)),
         start=round(draws.choice((0.0, draws.uniform(0, 3))) * SECOND),
@@ -188,12 +196,12 @@ def _cnc_window(draws: Draws, settings: Settings, size: int, direction: Directio
     return draws.choice((1, 2, 2, 16))
 
 
-def _wide_window(draws: Draws, protocol: str, size: int, direction: Direction) -> int | None:
+def _wide_window(draws: Draws, protocol: str, baud: int, size: int, direction: Direction) -> int | None:
     """Bridgeport's three characters make a host go two by two. Most of its large transfers have more in flight, as by
     way of a serial server; then too much may come after XOFF, and that is told.
     """
     is_slow = protocol == "bridgeport" and direction is Direction.SEND and size > SMALL_BYTES
-    return 64 if is_slow and draws.happens(0.9) else None
+    return default_window(baud, MOST_BYTES) if is_slow and draws.happens(0.9) else None
 
 
 def _size(draws: Draws) -> int:

@@ -93,7 +93,6 @@ _BRIDGEPORT: Final[Mapping[str, tuple[str, ...]]] = {
     "record_cut": ("lines", "fixed"),
     "record_bytes": ("256", "100"),
     "avoid_lrc_codes": ("on", "off"),
-    "closing_dc3": ("on", "off"),
     "text_timeout": ("5", "30"),
     "end_wait": ("0.3", "1.0"),
     "ack_limit": ("30", "0"),

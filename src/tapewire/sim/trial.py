@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from io import BytesIO
-from typing import Final
+from typing import Any, Final
 
 from tapewire.engine import SECOND, AfterStop, Ended, Event, Nanos, Outcome
 from tapewire.errors import UsageError
@@ -43,6 +43,9 @@ AFTER_RESET: Final[Nanos] = 60 * SECOND
 
 QUIET: Final[Nanos] = 3 * SECOND
 """The operator looks on for so long before the next act."""
+
+BACK: Final[Nanos] = 60 * SECOND
+"""Whoever lost his power has it again by then."""
 
 NOBODY_ASKS: Final[Nanos] = 30 * SECOND
 """An armed host whose control is at rest is left waiting for so long."""
@@ -132,7 +135,7 @@ class Trial:
         self._tap(pair)
         return pair
 
-    def _operator(self) -> dict[str, object]:
+    def _operator(self) -> dict[str, Any]:
         scenario = self.scenario
         if scenario.override is not None:
             return {"block_time": BlockTime(Speeds(override=scenario.override))}
@@ -266,7 +269,8 @@ class Trial:
 
     def _abort(self) -> None:
         self.evidence.note_act(Act.ABORT.value, self.world.now)
-        self.pair.host.abort(self.world.now)
+        if not self.pair.host_side.off:
+            self.pair.host.abort(self.world.now)
         self.world.advance(lambda: self._job is None, self.world.now + AFTER_RESET)
 
     @property
@@ -275,6 +279,8 @@ class Trial:
         return self._job is not None and not self._busy and not self.pair.host.progress
 
     def _reset(self) -> None:
+        if self.pair.cnc_side.off:
+            return
         self.evidence.note_act(Act.RESET.value, self.world.now)
         self.pair.control.reset(self.world.now)
 
@@ -283,20 +289,24 @@ class Trial:
             case Finish.LEAVE:
                 return
             case Finish.START_UNARMED if self._job is None:
-                self._reset()
-                self.world.run_for(QUIET)
+                self._reset_and_wait()
                 self._press_start()
                 self.world.run_for(UNARMED)
                 self._reset()
             case Finish.START_AGAIN if self._job is None:
-                self._reset()
-                self.world.run_for(QUIET)
+                self._reset_and_wait()
                 self._arm()
                 self._press_start()
                 self._run_to_the_end()
             case _:
                 return
         self.world.run_for(QUIET)
+
+    def _reset_and_wait(self) -> None:
+        """Both ends have power, the control is reset, and the operator looks on for a while."""
+        self._reset()
+        self.world.run_for(QUIET)
+        self.world.advance(lambda: not self.pair.host_side.off and not self.pair.cnc_side.off, self.world.now + BACK)
 
     # persons, and what happens to the ends
 

@@ -16,10 +16,18 @@ from tapewire.sim.evidence import Attempt, Damage, Evidence
 from tapewire.sim.frames import cancelled_sums, forged_records
 from tapewire.sim.scenarios import Act, Direction, Scenario
 
-__all__ = ["Excuses"]
+__all__ = ["Excuses", "first_difference"]
 
 _FANUC_B_CODES: Final = frozenset(b"\x11\x12\x13\x14\x15\x16\x93\x95\x96")
 _BRIDGEPORT_ANSWERS: Final = frozenset(b"\x04\x06\x10\x11\x12\x13\x14\x15\x17")
+
+
+def first_difference(got: bytes, program: bytes) -> int | None:
+    """Where `got` is no beginning of `program` any more; None where it is one."""
+    if program.startswith(got):
+        return None
+    return next((at for at, (one, other) in enumerate(zip(got, program, strict=False)) if one != other), len(program))
+
 
 _MOST_AMBIGUOUS: Final = "more faults than a line can have and work"
 _PULLED: Final = "characters in a pulled cable that nothing shows"
@@ -35,6 +43,8 @@ class Excuses:
         self._is_a = scenario.protocol.startswith("fanuc-a")
         self._is_b = scenario.protocol.startswith("fanuc-b")
         self._data_wire = Wire.FROM_HOST if self._sends else Wire.FROM_CONTROL
+        self._frame = 4 if self._is_b else 20
+        """Characters a place may be off by the codes between program and wire: DC2, DC3; DC2 again and a name."""
         self._linked = scenario.settings.cnc.get("mode", "D") == "D" and scenario.protocol == "bridgeport"
 
     # what happened, and would not have been noticed
@@ -50,7 +60,8 @@ class Excuses:
         """Unseen damage of the program's characters at or before byte `until` of an attempt."""
         before = attempt.place if self._sends else attempt.heard
         for damage in self._unseen(self._data_wire):
-            if damage.moment >= attempt.began and (not damage.place or damage.place - 1 - before <= until + _FRAME):
+            is_before = not damage.place or damage.place - 1 - before <= until + self._frame
+            if is_before and damage.moment >= attempt.began:
                 return damage
         return None
 
@@ -87,18 +98,28 @@ class Excuses:
         return damage.name if damage is not None else ""
 
     def _content_a(self, attempt: Attempt, wrong: int) -> str:
-        n = int(self._scenario.settings.host.get("n", "4")) if "expansion" in self._scenario.protocol else 0
         if not self._evidence.on(Wire.FROM_HOST):
             return ""
-        if cancelled_sums(bytes(self._evidence.host.sent), bytes(self._evidence.cnc.brought), n):
+        if cancelled_sums(bytes(self._evidence.host.sent), bytes(self._evidence.cnc.brought), self._n):
             return "a sum of eight bits that cancels"
-        data = packet_bytes(n) - 4 if n else 0
-        program = self._evidence.program
-        gap = wrong - wrong % data if n else 0
-        resumed = program.find(bytes(attempt.delivered[gap : gap + 64]), gap) if n else -1
+        return self._lost_packets(attempt, wrong)
+
+    @property
+    def _n(self) -> int:
+        """Of the packets; 0 is protocol A."""
+        return int(self._scenario.settings.host.get("n", "4")) if "expansion" in self._scenario.protocol else 0
+
+    def _lost_packets(self, attempt: Attempt, wrong: int) -> str:
+        """Whole packets are missing from byte `wrong` on, and no number shows it."""
+        if not self._n:
+            return ""
+        data, program = packet_bytes(self._n) - 4, self._evidence.program
+        gap = wrong - wrong % data
+        rest = bytes(attempt.delivered[gap:])
+        resumed = program.find(rest[:64], gap)
         if resumed > gap and (resumed - gap) % (10 * data) == 0:
-            return "ten packets running lost, or twenty: their numbers go round"
-        if n and program.endswith(bytes(attempt.delivered[gap:])) and not (len(program) - len(attempt.delivered)) % data:
+            return "ten packets running lost: their numbers go round"
+        if program.endswith(rest) and (len(program) - len(attempt.delivered)) % data == 0:
             return "a packet lost directly before the end packet"
         return ""
 
@@ -142,8 +163,10 @@ class Excuses:
                 return damage.name
         if self._dark_control:
             return "a control whose loss of power nothing shows"
-        if self._is_a and self._content_a(attempts[-1], 0) if attempts else "":
-            return "packets lost whose numbers go round"
+        if attempts and self._is_a:
+            wrong = first_difference(bytes(attempts[-1].delivered), self._evidence.program)
+            if wrong is not None and (lost := self._lost_packets(attempts[-1], wrong)):
+                return lost
         return self._told_wrongly()
 
     def more(self, attempts: list[Attempt]) -> str:
@@ -200,10 +223,6 @@ class Excuses:
         if self._is_b and self._sends and self._codes_hit(Wire.FROM_HOST, EOR_CODES[settings.data]):
             return "an EOR lost or forged"
         return ""
-
-
-_FRAME: Final = 4
-"""Characters a place may be off by the codes between program and wire: DC2, DC3."""
 
 
 def _odd(damage: Damage) -> bool:
