@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import Final
 
 from tapewire.engine import SECOND, Nanos
-from tapewire.line.descriptor import DescriptorLine
 from tapewire.line.link import Link
+from tapewire.line.transport import watched_of
 
 __all__ = ["LineDriver", "monotonic"]
 
@@ -71,8 +71,7 @@ class LineDriver:
                 alarm.cancel()
 
     def _watch(self) -> None:
-        transport = self.link.transport
-        watched = transport.watched if isinstance(transport, DescriptorLine) and not self.link.closed else None
+        watched = None if self.link.closed else watched_of(self.link.transport)
         if watched != self._watched:
             self._unwatch()
             if watched is not None:
