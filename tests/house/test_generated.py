@@ -9,7 +9,8 @@ from typing import Any, get_args
 
 import pytest
 
-from docs.generate import PARTS, command_names, marked_names, regenerated
+from docs.generate import PARTS, marked_names, regenerated
+from docs.generators.command_line import command_names
 from tapewire.engine import AfterStop, Ended, Received
 from tapewire.protocols import bridgeport
 from tapewire.protocols.bridgeport import cnc_law as bridgeport_cnc_law
