@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from io import BytesIO
 
 import pytest
 
-from tapewire.engine import SECOND, AfterStop, Ended, LineFault, Outcome, Violation
+from tapewire.engine import AfterStop, LineFault, Outcome
 from tapewire.line.transport import Fault, LineItem
 from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, DncEnd
-from tapewire.sim.world import Pair, World
+from tapewire.sim.world import World
+from tests.protocols.bridgeport.combinations import (
+    CANCELS,
+    COMBINATIONS,
+    NAME_ENDS,
+    OPERATIONS,
+    SAVE_ENDS,
+    cancel,
+    pair_of,
+    read,
+    save_to_host,
+)
 from tests.protocols.bridgeport.disturbed import Disturbed
 from tests.protocols.bridgeport.host_rig import P, surfacing
 
-HOST = {"lrc": "auto"}
-"""The one configuration of the host."""
-
-NAME_ENDS = ("14", "04", "0D 0A 14", "0D 0A 04", "04 14")
-SAVE_ENDS = ("04 14", "04", "14", "14 04")
-CANCELS = ("13 10", "10 04", "10 10", "10 13", "10 14", "10", "10 03", "10 18")
-COMBINATIONS = [
-    {"name_trailer": name, "save_trailer": save, "operator_cancel": cancel, "lrc": lrc, "dnc_end": end}
-    for name, save, cancel, lrc, end in itertools.product(NAME_ENDS, SAVE_ENDS, CANCELS, LRC_CANDIDATES, DncEnd)
-]
 THINNED = 23
 """Prime to the size of every dimension, so that each value meets each other value."""
 
@@ -32,83 +32,15 @@ SHORT = P * 3
 """54 bytes."""
 
 
-def pair_of(combination: dict[str, str], host: dict[str, str] | None = None, **cnc: str) -> tuple[World, Pair]:
-    world = World()
-    settings = {"program": "1234", **combination, **cnc}
-    return world, world.pair("bridgeport", host_settings={**HOST, **(host or {})}, cnc_settings=settings)
-
-
-def read(world: World, pair: Pair, program: bytes) -> tuple[Ended, Ended]:
-    pair.host.start(BytesIO(program), world.now)
-    pair.cnc.cycle_start(world.now)
-    return finish(world, pair)
-
-
-def save(world: World, pair: Pair, program: bytes) -> tuple[Ended, Ended]:
-    pair.host.receive(pair.received, world.now)
-    pair.cnc.punch(BytesIO(program), world.now)
-    return finish(world, pair)
-
-
-def finish(world: World, pair: Pair) -> tuple[Ended, Ended]:
-    world.run_until(lambda: pair.host_end is not None and pair.cnc_end is not None, limit=7200 * SECOND)
-    assert pair.host_end is not None
-    assert pair.cnc_end is not None
-    return pair.host_end, pair.cnc_end
-
-
-def load_arrives(combination: dict[str, str]) -> None:
-    world, pair = pair_of(combination, mode="L")
-    host, cnc = read(world, pair, SHORT)
-    assert (host.outcome, cnc.outcome) == (Outcome.COMPLETE, Outcome.COMPLETE)
-    assert pair.program.getvalue() == SHORT
-
-
-def link_arrives_or_is_refused(combination: dict[str, str]) -> None:
-    world, pair = pair_of(combination, mode="D")
-    host, cnc = read(world, pair, SHORT)
-    assert pair.program.getvalue() == SHORT
-    if combination["dnc_end"] in (DncEnd.EOT_ON_ACK, DncEnd.EOT_AFTER_LRC):
-        assert (host.outcome, cnc.outcome) == (Outcome.COMPLETE, Outcome.COMPLETE)
-    else:
-        assert host.outcome is Outcome.CANCELLED
-        assert "sent whole, then cancelled at the control" in host.reason
-        assert f"dnc_end={combination['dnc_end']}" in cnc.reason
-
-
-def save_arrives(combination: dict[str, str]) -> None:
-    world, pair = pair_of(combination)
-    host, cnc = save(world, pair, SHORT)
-    assert (host.outcome, cnc.outcome) == (Outcome.COMPLETE, Outcome.COMPLETE)
-    assert pair.received.getvalue() == SHORT
-
-
-def cancel_is_heard(combination: dict[str, str], what: str = "D") -> None:
-    world, pair = pair_of(combination, mode=what if what in "LD" else "D")
-    if what == "save":
-        pair.host.receive(pair.received, world.now)
-        pair.cnc.punch(BytesIO(SHORT * 4), world.now)
-    else:
-        pair.host.start(BytesIO(SHORT * 4), world.now)
-        pair.cnc.cycle_start(world.now)
-    world.run_until(lambda: max(pair.host.progress, pair.cnc.progress) > 40)
-    pair.cnc.reset(world.now)
-    host, cnc = finish(world, pair)
-    assert (host.outcome, cnc.outcome) == (Outcome.CANCELLED, Outcome.CANCELLED)
-    world.run_for(5 * SECOND)
-    assert not pair.host.data_to_send(16)
-    assert not [event for _, event in pair.host_events if isinstance(event, Violation) and "NAK" not in event.what]
-
-
 @pytest.mark.parametrize("part", range(16))
 def test_one_host_against_every_reading_of_the_lost_codes(part: int) -> None:
-    """Every 23rd of the 5,120 combinations, each with a load, a link, a save and a cancel."""
+    """Every 23rd of the 5,120 combinations, each with a load, a link, a save, and a cancel of each."""
     for combination in COMBINATIONS[::THINNED][part::16]:
-        for operation in (load_arrives, link_arrives_or_is_refused, save_arrives, cancel_is_heard):
+        for name, operation in OPERATIONS.items():
             try:
                 operation(combination)
             except AssertionError as error:
-                raise AssertionError(f"{operation.__name__} {combination}: {error}") from error
+                raise AssertionError(f"{name} {combination}: {error}") from error
 
 
 @pytest.mark.parametrize("lrc", LRC_CANDIDATES)
@@ -127,16 +59,17 @@ def test_every_pair_of_endings_arrives_or_is_refused(ends: tuple[DncEnd, DncEnd]
         assert SHORT.startswith(pair.program.getvalue())
 
 
-@pytest.mark.parametrize("cancel", CANCELS)
+@pytest.mark.parametrize("pair", CANCELS)
 @pytest.mark.parametrize("what", ["L", "D", "save"])
-def test_cancel_by_every_pair_in_every_transfer(what: str, cancel: str) -> None:
-    cancel_is_heard({"operator_cancel": cancel}, what)
+def test_cancel_by_every_pair_in_every_transfer(what: str, pair: str) -> None:
+    combination = {"operator_cancel": pair, "dnc_end": DncEnd.EOT_ON_ACK}
+    assert cancel(combination, what)
 
 
 @pytest.mark.parametrize("name", NAME_ENDS)
 @pytest.mark.parametrize("ending", SAVE_ENDS)
 def test_a_save_with_every_ending(name: str, ending: str) -> None:
-    save_arrives({"name_trailer": name, "save_trailer": ending})
+    save_to_host({"name_trailer": name, "save_trailer": ending})
 
 
 @pytest.mark.parametrize("mode", ["L", "D"])
@@ -151,7 +84,7 @@ def test_every_kind_of_request(number: str, mode: str, parity: str) -> None:
 
 def test_the_long_program_by_dnc_link() -> None:
     program = surfacing()
-    world, pair = pair_of({}, {"lrc": "xor7_etb"}, mode="D")
+    world, pair = pair_of({}, {"lrc": "xor7_etb", "record_bytes": "256"}, mode="D")
     host, cnc = read(world, pair, program)
     assert (host.outcome, cnc.outcome) == (Outcome.COMPLETE, Outcome.COMPLETE)
     assert pair.program.getvalue() == program
