@@ -10,9 +10,11 @@ from collections.abc import Callable, Mapping
 from io import BytesIO
 from typing import Final
 
-from tapewire.engine import SECOND, Ended, Outcome, Violation
-from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, DncEnd
+from tapewire.engine import SECOND, Ended, LineFault, Outcome, Violation
+from tapewire.line.transport import Fault, LineItem
+from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, DncEnd, Lrc
 from tapewire.sim.world import Pair, World
+from tests.protocols.bridgeport.disturbed import Disturbed
 from tests.protocols.bridgeport.host_rig import P
 
 HOST: Final = {"lrc": "auto", "record_bytes": "12"}
@@ -25,6 +27,19 @@ COMBINATIONS: Final = [
     {"name_trailer": name, "save_trailer": save, "operator_cancel": cancel, "lrc": lrc, "dnc_end": end}
     for name, save, cancel, lrc, end in itertools.product(NAME_ENDS, SAVE_ENDS, CANCELS, LRC_CANDIDATES, DncEnd)
 ]
+
+DISTURBANCES: Final[Mapping[str, Callable[[int], LineItem]]] = {
+    **{f"bit {bit}": lambda byte, bit=bit: bytes([byte ^ 1 << bit]) for bit in range(7)},  # type: ignore[misc]
+    "parity error": lambda byte: Fault(fault=LineFault.PARITY, byte=byte ^ 1),
+    "framing error": lambda byte: Fault(fault=LineFault.FRAMING, byte=0),
+    "lost": lambda byte: b"",
+    "noise": lambda byte: bytes([byte, 0x7E]),
+}
+"""What the line makes of one character."""
+
+LINK_PROGRAM: Final = b"N10G1X1F5\r\nN20Y1\r\nN30M2\r\n"
+LINK_CHARACTERS: Final = 32
+"""DC1 to the name and three records with ETB and LRC: the host's characters before EOT."""
 
 ARRIVED: Final = "byte-exact"
 CANCELLED: Final = "cancelled, the next one byte-exact"
@@ -147,3 +162,14 @@ OPERATIONS: Final[Mapping[str, Callable[[Mapping[str, str]], str]]] = {
     "cancel of a link": cancel_link,
     "cancel of a save": cancel_save,
 }
+
+
+def disturbed_link(position: int, disturbance: str, lrc: Lrc) -> str:
+    """One character of three records disturbed, by each of the rules alone: no parity but where it is the fault."""
+    world, pair = pair_of({"lrc": lrc}, {"lrc": lrc}, mode="D")
+    disturbed = Disturbed(pair.cnc_link.transport, position, DISTURBANCES[disturbance])
+    pair.cnc_link.transport = disturbed
+    both_complete(read(world, pair, LINK_PROGRAM))
+    assert disturbed.done
+    assert pair.program.getvalue() == LINK_PROGRAM, (position, disturbance, lrc, str(pair.transcript))
+    return ARRIVED

@@ -4,20 +4,28 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from io import BytesIO
 
 import pytest
 
-from tapewire.engine import AfterStop, LineFault, Outcome
+from tapewire.engine import SECOND, AfterStop, LineFault, Nanos, Outcome
 from tapewire.line.transport import Fault, LineItem
-from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, DncEnd
+from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, DncEnd, Lrc
 from tapewire.sim.world import World
 from tests.protocols.bridgeport.combinations import (
     CANCELS,
     COMBINATIONS,
+    DISTURBANCES,
+    LINK_CHARACTERS,
+    LINK_PROGRAM,
     NAME_ENDS,
     OPERATIONS,
     SAVE_ENDS,
+    begin_read,
+    begin_save,
     cancel,
+    disturbed_link,
+    finish,
     pair_of,
     read,
     save_to_host,
@@ -106,29 +114,76 @@ def test_3_2_at_most_three_characters_after_xoff(baud: int, hold: str) -> None:
     assert bool(after) is (hold == "xoff")
 
 
-DISTURBANCES: dict[str, Callable[[int], LineItem]] = {
-    **{f"bit {bit}": lambda byte, bit=bit: bytes([byte ^ 1 << bit]) for bit in range(7)},  # type: ignore[misc]
-    "parity error": lambda byte: Fault(fault=LineFault.PARITY, byte=byte ^ 1),
-    "framing error": lambda byte: Fault(fault=LineFault.FRAMING, byte=0),
-    "lost": lambda byte: b"",
-    "noise": lambda byte: bytes([byte, 0x7E]),
-}
-LINK_PROGRAM = b"N10G1X1F5\r\nN20Y1\r\nN30M2\r\n"
-LINK_CHARACTERS = 33
-"""DC1 to the name, three records with ETB and LRC, and EOT."""
-
-
+@pytest.mark.parametrize("lrc", LRC_CANDIDATES)
 @pytest.mark.parametrize("disturbance", DISTURBANCES)
-def test_a_record_disturbed_anywhere_arrives_byte_exact(disturbance: str) -> None:
-    """Every character from the first of the first record to the last check character."""
-    for position in range(1, LINK_CHARACTERS - 1):
-        world, pair = pair_of({}, {"record_bytes": "12", "lrc": "xor7_etb"}, mode="D")
-        disturbed = Disturbed(pair.cnc_link.transport, position, DISTURBANCES[disturbance])
-        pair.cnc_link.transport = disturbed
-        host, cnc = read(world, pair, LINK_PROGRAM)
-        assert disturbed.done
-        assert (host.outcome, cnc.outcome) == (Outcome.COMPLETE, Outcome.COMPLETE), (position, pair.transcript)
-        assert pair.program.getvalue() == LINK_PROGRAM, (position, str(pair.transcript))
+def test_a_link_disturbed_anywhere_arrives_byte_exact(disturbance: str, lrc: Lrc) -> None:
+    """All places by the first candidate, a third of them by each other; all of all by the campaign."""
+    step = 1 if lrc is LRC_CANDIDATES[0] else 3
+    for position in range(LRC_CANDIDATES.index(lrc) % step, LINK_CHARACTERS, step):
+        assert disturbed_link(position, disturbance, lrc)
+
+
+@pytest.mark.parametrize("disturbance", [name for name in DISTURBANCES if name != "noise"])
+def test_an_end_that_is_disturbed_leaves_the_control_waiting_with_all_of_the_program(disturbance: str) -> None:
+    """No rule of the text tells the host, which says complete."""
+    world, pair = pair_of({}, {"lrc": "xor7_etb"}, mode="D")
+    pair.cnc_link.transport = Disturbed(pair.cnc_link.transport, LINK_CHARACTERS, DISTURBANCES[disturbance])
+    begin_read(world, pair, LINK_PROGRAM)
+    world.run_for(60 * SECOND)
+    assert pair.host_end is not None
+    assert pair.host_end.outcome is Outcome.COMPLETE
+    assert pair.cnc_end is None
+    assert pair.program.getvalue() == LINK_PROGRAM
+
+
+def faulty(fault: LineFault, bit: int) -> Callable[[int], LineItem]:
+    return lambda byte: Fault(fault=fault, byte=byte ^ 1 << bit)
+
+
+NAME_CHARACTERS = 6
+"""DC2 and `77;D`, which the host hears before DC4."""
+
+
+@pytest.mark.parametrize("fault", [LineFault.PARITY, LineFault.FRAMING, LineFault.UART_OVERRUN])
+def test_a_damaged_name_never_brings_another_program(fault: LineFault) -> None:
+    for position, bit, mode in itertools.product(range(NAME_CHARACTERS), range(7), "LD"):
+        world, pair = pair_of({}, mode=mode, program="77")
+        pair.host_link.transport = Disturbed(pair.host_link.transport, position, faulty(fault, bit))
+        pair.host.start(BytesIO(LINK_PROGRAM), world.now)
+        pair.cnc.cycle_start(world.now)
+        world.run_for(40 * SECOND)
+        assert pair.program.getvalue() == (LINK_PROGRAM if position == 0 else b""), (position, str(pair.transcript))
+
+
+@pytest.mark.parametrize("window", [1, 2, 3, 4, 16])
+@pytest.mark.parametrize("after_stop", [0, 1, 3])
+def test_3_2_a_save_stops_within_three_characters_or_within_what_its_uart_holds(window: int, after_stop: int) -> None:
+    """Counted on the line: what the control still sends once it has received DC3."""
+    world = World()
+    settings = {"program": "1234", "mode": "L", "after_stop": str(after_stop)}
+    pair = world.pair("bridgeport", cnc_settings=settings, cnc_window=window)
+    sent: list[tuple[int, int]] = []
+    listen = pair.cnc_link.on_item
+
+    def count(item: LineItem, now: Nanos) -> None:
+        if isinstance(item, bytes) and 0x13 in item:
+            sent.append((pair.cnc_link.characters_sent, pair.cnc_link.transport.in_flight(now)))
+        if listen is not None:
+            listen(item, now)
+
+    pair.cnc_link.on_item = count
+    begin_save(world, pair, surfacing(400))
+    world.run_until(lambda: pair.host.progress > 100)
+    pair.host.hold_reception(world.now)
+    world.run_for(SECOND)
+    ((before, in_uart),) = sent
+    assert in_uart <= window
+    assert pair.cnc_link.characters_sent - before + in_uart == max(in_uart, after_stop)
+    assert window > 3 or pair.cnc_link.characters_sent - before + in_uart <= 3
+    pair.host.release(world.now)
+    host, _ = finish(world, pair)
+    assert host.outcome is Outcome.COMPLETE
+    assert pair.received.getvalue() == surfacing(400)
 
 
 @pytest.mark.parametrize("position", [1, 20, 54])
