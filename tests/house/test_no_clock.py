@@ -19,7 +19,7 @@ CLOCK_FREE = (
     *("tapewire.fanuc", "tapewire.g05", "tapewire.nc", "tapewire.protocols", "tapewire.sim"),
     # The half of the line that a simulated cable and a real port have in common.
     *("tapewire.line.transport", "tapewire.line.link", "tapewire.line.pacing"),
-    *("tapewire.line.simulated", "tapewire.line.faults"),
+    *("tapewire.line.simulated", "tapewire.line.faults", "tapewire.line.paths", "tapewire.line.reception"),
 )
 # Records of the domain may hold dates; nothing in them runs.
 RECORDS = ("tapewire.model",)
