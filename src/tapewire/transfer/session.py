@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from tapewire.engine import SECOND, Closure, Ended, Engine, Event, Held, Nanos, Outcome, Resumed
+from tapewire.engine import SECOND, Closure, Ended, Engine, Event, Held, Nanos, Notice, Outcome, Resumed
 from tapewire.line.driver import LineDriver, monotonic
 from tapewire.line.link import Application, Link
 from tapewire.line.open import LineAddress, open_line, parse_line
@@ -150,6 +150,7 @@ class Session:
                 window=self._window,
                 paced_reception=self._paced_reception,
                 on_ready=lambda line: self.job.observer(Ready(line=line), monotonic()),
+                on_note=lambda text: self.job.observer(Notice(text=text), monotonic()),
             )
         )
         try:
