@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from io import BytesIO
 
 from tapewire.engine import SECOND, AfterStop, Ended, Event, Nanos, Outcome
-from tapewire.line.closed_loop import Pacing, pacing_for
 from tapewire.line.faults.chance import derive
 from tapewire.line.lateness import LateLink, Lateness
 from tapewire.line.link import Link
-from tapewire.line.pacing import character_time, default_window
+from tapewire.line.pacing import Pacing, character_time, default_window, pacing_for
 from tapewire.line.paths import PathKind, TransmitterEmpty
 from tapewire.line.simulated import CableEnd, EndSettings, simulated_cable
 from tapewire.line.transport import StopDistance
@@ -107,12 +106,13 @@ class _Bench:
         return now
 
 
-def settings_of(baud: int, needs: int, path: PathKind | None, clock_percent: float, trigger_one: bool) -> EndSettings:
+def settings_of(baud: int, needs: int, path: PathKind | None, clock_percent: float, closed_loop: bool) -> EndSettings:
     transmitter = TransmitterEmpty.ASKED if path is None else path.transmitter_empty
+    window = default_window(baud, needs)
     return EndSettings(
-        window=default_window(baud, needs),
+        window=window,
         path=path,
-        pacing=pacing_for(needs, transmitter) if trigger_one else Pacing.WINDOW,
+        pacing=pacing_for(window, transmitter) if closed_loop else Pacing.WINDOW,
         clock_percent=clock_percent,
     )
 

@@ -12,14 +12,13 @@ from hypothesis import strategies as st
 
 from tapewire.engine import MILLISECOND, SECOND, Closure, LineFault, Nanos, SignalsIn, SignalsOut
 from tapewire.errors import UsageError
-from tapewire.line.closed_loop import Pacing
 from tapewire.line.faults.chance import derive
 from tapewire.line.faults.damage import Parity, truncated
 from tapewire.line.faults.injector import Injectors, injectors
 from tapewire.line.faults.plan import Extent, FaultPlan, Framing, LateStop, LineEnd, LinePlan, Nth, Wire
 from tapewire.line.faults.presets import PRESETS, preset
 from tapewire.line.faults.when import end_schedule
-from tapewire.line.pacing import character_time
+from tapewire.line.pacing import Pacing, character_time
 from tapewire.line.paths import PATHS, PathKind
 from tapewire.line.simulated import CableEnd, EndSettings, simulated_cable
 from tapewire.line.transport import Closed, Fault, LineItem

@@ -1,110 +1,79 @@
-"""Pacing for a control that bears next to nothing after its stop request: hand over only into an empty transmitter.
+"""The next characters only when the transmitter says that it is empty.
 
-Time alone cannot keep such a bound: a line whose clock is slower than it should be piles up arrears that nobody sees
-(15 % slow: 54 to 142 characters). So the transmitter is asked. What is handed over is a chunk so small that it may all
-leave after the stop request; the next one waits until the transmitter says that it is physically empty.
-
-An ordinary computer wakes a millisecond late, half a chunk at 9600 baud. So the deadline stands before the predicted
-moment, and from then on the transmitter is polled. Polls that ask in vain for long grow rare.
+Whatever the true rate of the line is, and however late this computer wakes up, no more than one chunk can still leave
+after a stop request has been read. The time says only when to ask.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from enum import Enum
 from typing import Final
 
 from tapewire.engine import MICROSECOND, MILLISECOND, Nanos
-from tapewire.line.paths import TransmitterEmpty
 
-__all__ = ["EARLY", "POLL", "ClosedLoop", "Pacing", "pacing_for"]
+__all__ = ["ASK_EARLY", "CLOSED_LOOP_WINDOW", "ClosedLoop"]
 
-EARLY: Final[Nanos] = 1200 * MICROSECOND
-"""So long before the predicted moment the wait ends: as late as 99 of 100 wake-ups are (1.12 ms measured)."""
+CLOSED_LOOP_WINDOW: Final = 16
+"""Up to this window the transmitter is asked before each chunk; a larger one does not fit into a FIFO at once."""
 
-POLL: Final[Nanos] = 100 * MICROSECOND
-"""Between two polls: a twentieth of two characters at 9600 baud, five times what a poll costs."""
+ASK_EARLY: Final[Nanos] = 300 * MICROSECOND
+"""Before the last stop bit should have left: a line may be two percent faster than it is told, and a wake-up is late
+by a tenth of a millisecond."""
 
-SLOWEST_POLL: Final[Nanos] = 5 * MILLISECOND
-"""Where nothing leaves for long, a poll is rarer than this and no rarer: a held line must not eat the computer."""
+ASK_AGAIN: Final[Nanos] = 50 * MICROSECOND
+"""A question costs 2 µs; the gap it may leave on the wire is a twentieth of a character at 9600."""
 
-QUICK_POLLS: Final = 20
-"""Polls in vain after the predicted moment, 2 ms of them, before they grow rare: each twice as late as the last."""
-
-STRICT: Final = 16
-"""A control that bears no more than this after a stop cannot be fed through the 16 characters of a UART's FIFO."""
-
-
-class Pacing(Enum):
-    """How the characters in flight are bounded."""
-
-    WINDOW = "window"
-    """By a model of the line at its rate, and by what the driver says it holds."""
-    CLOSED_LOOP = "closed loop"
-    """By asking the transmitter whether it is empty."""
-
-
-def pacing_for(needs_stop_distance: int, transmitter: TransmitterEmpty) -> Pacing:
-    """How a line is paced for a control that bears `needs_stop_distance` characters after its stop request.
-
-    The closed loop costs a wake-up for every two characters, so it is for those that need it, where it can be had.
-    """
-    strict = needs_stop_distance <= STRICT
-    return Pacing.CLOSED_LOOP if strict and transmitter is TransmitterEmpty.ASKED else Pacing.WINDOW
+ASK_AGAIN_SLOWLY: Final[Nanos] = 5 * MILLISECOND
+"""A transmitter that has stood still for twenty milliseconds is held, and not about to be empty."""
 
 
 class ClosedLoop:
-    """What may be handed over to a transmitter that can be asked. `character` is the time of one by its rate.
-
-    At most `chunk` characters are in the transmitter, whatever its clock is.
+    """What is in flight, by asking. `late` is how much older than the question the answer may be: one that was true
+    before the characters got there is not believed. `early` is how long before the predicted moment the asking begins:
+    longer than a wake-up is late.
     """
 
-    __slots__ = ("_asked_in_vain", "_empty_at", "_inside", "character", "chunk")
+    __slots__ = ("_asked", "_character", "_early", "_end", "_in_flight", "_late", "_trusted")
 
-    def __init__(self, character: Nanos, chunk: int) -> None:
-        self.character = character
-        self.chunk = chunk
-        self._inside = 0
-        """Characters handed over since the transmitter was last known to be empty."""
-        self._empty_at: Nanos = 0
-        """When it should be empty, by the rate."""
-        self._asked_in_vain = 0
-
-    def room(self, now: Nanos, is_empty: Callable[[], bool]) -> int:
-        """How many characters may be handed over. The transmitter is asked only where the answer matters."""
-        if self._inside and now >= self._empty_at - EARLY:
-            self._ask(now, is_empty)
-        return self.chunk - self._inside
-
-    def _ask(self, now: Nanos, is_empty: Callable[[], bool]) -> None:
-        if is_empty():
-            self._inside = self._asked_in_vain = 0
-        elif now > self._empty_at:
-            self._asked_in_vain += 1
+    def __init__(self, character: Nanos, late: Nanos = 0, early: Nanos = ASK_EARLY) -> None:
+        self._character = character
+        self._early = early
+        self._late = late
+        self._in_flight = 0
+        self._end: Nanos = 0
+        self._trusted: Nanos = 0
+        self._asked: Nanos | None = None
 
     def hand_over(self, count: int, now: Nanos) -> None:
-        self._inside += count
-        self._empty_at = max(now, self._empty_at if self._inside > count else now) + count * self.character
-        self._asked_in_vain = 0
+        """`count` characters more have gone to a transmitter that was empty."""
+        self._in_flight += count
+        self._end = max(self._end, now) + count * self._character
+        self._trusted = now + self._late
+        self._asked = None
 
     def call_back(self, count: int) -> None:
-        """`count` of them never leave."""
-        self._inside -= count
-        self._empty_at -= count * self.character
+        self._in_flight -= count
+        self._end -= count * self._character
 
     def in_flight(self, now: Nanos, is_empty: Callable[[], bool]) -> int:
-        """Characters that may still be in the transmitter: those that the rate says, and one until it is empty."""
-        if not self._inside or is_empty():
-            return 0
-        return max(1, min(self._inside, -(-(self._empty_at - now) // self.character)))
+        """All of it, until `is_empty` says that it has left; asked once for one moment."""
+        if self._in_flight and now >= self._first_question() and now != self._asked:
+            self._asked = now
+            if is_empty():
+                self._in_flight = 0
+        return self._in_flight
 
-    def next_deadline(self, now: Nanos) -> Nanos | None:
-        """When to ask; None while the transmitter is known to be empty."""
-        if not self._inside:
+    def next_question(self, now: Nanos) -> Nanos | None:
+        """When to ask next; None while nothing is in flight."""
+        if not self._in_flight:
             return None
-        if now < self._empty_at - EARLY:
-            return self._empty_at - EARLY
-        if now < self._empty_at:
-            return min(now + POLL, self._empty_at)
-        doublings = max(0, self._asked_in_vain - QUICK_POLLS)
-        return now + min(POLL << min(doublings, 10), SLOWEST_POLL)
+        first = self._first_question()
+        if now < first:
+            return first
+        if now < self._end:
+            # One question stands where the answer should change: a gap of half a step less on the wire.
+            return min(now + ASK_AGAIN, self._end)
+        return now + min(max(ASK_AGAIN, (now - self._end) // 4), ASK_AGAIN_SLOWLY)
+
+    def _first_question(self) -> Nanos:
+        return max(self._trusted, self._end - self._early)

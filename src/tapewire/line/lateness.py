@@ -13,7 +13,7 @@ from tapewire.engine import MICROSECOND, Nanos
 from tapewire.line.faults.chance import Stream
 from tapewire.line.link import Link
 
-__all__ = ["LateLink", "Lateness"]
+__all__ = ["EARLY", "LateLink", "Lateness"]
 
 MEASURED: Final[tuple[tuple[float, Nanos], ...]] = (
     (0.0, 60 * MICROSECOND),
@@ -22,6 +22,9 @@ MEASURED: Final[tuple[tuple[float, Nanos], ...]] = (
     (1.0, 1900 * MICROSECOND),
 )
 """Share of the wake-ups, and how late they are at most; straight between these points."""
+
+EARLY: Final[Nanos] = 1200 * MICROSECOND
+"""Whoever may be no later than a moment wakes so long before it: as late as 99 of 100 wake-ups are."""
 
 SHORT_WAIT: Final[Nanos] = 150 * MICROSECOND
 """A driver does not sleep for so short a wait: it lets the others have a turn and looks again."""

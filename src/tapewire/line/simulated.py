@@ -12,10 +12,11 @@ from typing import Final
 
 from tapewire.engine import Closure, Nanos, SignalsIn, SignalsOut
 from tapewire.errors import UsageError
-from tapewire.line.closed_loop import ClosedLoop, Pacing
+from tapewire.line.closed_loop import ClosedLoop
 from tapewire.line.faults.damage import Parity
 from tapewire.line.faults.injector import Injector, Injectors
-from tapewire.line.pacing import BITS_PER_CHARACTER, TxPacer, character_time
+from tapewire.line.lateness import EARLY
+from tapewire.line.pacing import BITS_PER_CHARACTER, Pacing, TxPacer, character_time
 from tapewire.line.paths import PathKind, TransmitterEmpty
 from tapewire.line.reception import Reception
 from tapewire.line.transport import Closed, LineItem, StopDistance
@@ -55,6 +56,8 @@ class EndSettings:
     """What stands between this end and the wire."""
     pacing: Pacing = Pacing.WINDOW
     """In a closed loop the receive FIFO tells of every character: a stop request must not lie in it."""
+    early: Nanos = EARLY
+    """How long before a transmitter should be empty a closed loop begins to ask."""
     clock_percent: float = 0.0
     """How much faster than its rate this end's UART sends, unknown to whoever paces it."""
 
@@ -105,7 +108,7 @@ class CableEnd:
         self._tx = TxPacer(self._cable.character, self._settings.window)
         self._loop: ClosedLoop | None = None
         if self._settings.pacing is Pacing.CLOSED_LOOP:
-            self._loop = ClosedLoop(self._cable.character, self._settings.window)
+            self._loop = ClosedLoop(self._cable.character, early=self._settings.early)
         self._uart_free: Nanos = 0
         """When the last character handed over has left the UART."""
 
@@ -123,9 +126,7 @@ class CableEnd:
         self._now = now
         if not self._cts or self._closed or self._away:
             return 0
-        if self._loop is not None:
-            return self._loop.room(now, self._is_empty)
-        if self._settings.path is None:
+        if self._settings.path is None and self._loop is None:
             return self._tx.room(now)
         return self._tx.offer(self._settings.window - self.in_flight(now))
 
@@ -144,9 +145,6 @@ class CableEnd:
         path = self._path
         moment = now + path.latency
         return -(-moment // path.poll) * path.poll if path.poll else moment
-
-    def _is_empty(self) -> bool:
-        return self.transmitter_empty(self._now)
 
     def transmitter_empty(self, now: Nanos) -> bool:
         """The last character has physically left. To be asked only of a path that can be."""
@@ -190,8 +188,8 @@ class CableEnd:
     def next_deadline(self) -> Nanos | None:
         if self._away:
             return None
-        pacing = self._tx if self._loop is None else self._loop
-        told, sent = self._reception.next_deadline(), pacing.next_deadline(self._now)
+        told = self._reception.next_deadline()
+        sent = self._tx.next_deadline(self._now) if self._loop is None else self._loop.next_question(self._now)
         if told is None or sent is None:
             return sent if told is None else told
         return min(told, sent)
