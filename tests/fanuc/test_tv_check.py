@@ -15,8 +15,6 @@ from tapewire.fanuc.tv_check import Comments, TvCheck, TvFailure
 TEXT_CODES = (DataCode.ISO, DataCode.EIA, DataCode.ASCII)
 pieces = st.sampled_from(("%", "\n", "\n", "G1", "X", "(", ")", "AB", "\x00", "\r", "\x7f"))
 texts = st.lists(pieces, max_size=20).map("".join)
-    "".join
-)
 
 
 def failures(data: bytes, code: DataCode = DataCode.ASCII, comments: Comments = Comments.COUNTED) -> list[TvFailure]:
