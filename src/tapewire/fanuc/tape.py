@@ -168,7 +168,7 @@ class _Preparer:
             found.append((offset, self._why_not_sendable(body[offset])))
         if body.count(b"\r") != body.count(b"\r\n") and (lone := _LONE_CR.search(body)):
             found.append((lone.start(), "CR without LF: end the blocks with LF or CR LF, " + _RAW_ADVICE))
-        if (offset := _find_g05(body, label_bytes)) is not None:
+        if (offset := find_g05(body, label_bytes)) is not None:
             found.append((offset, "after the block G05 the control reads binary: send the file with --raw"))
         if found:
             raise self._refusal(body, *min(found))
@@ -224,7 +224,7 @@ def _count_blocks(lines: bytes) -> int:
     return packed.count(b"\n") + (packed != b"" and not packed.endswith(b"\n"))
 
 
-def _find_g05(body: bytes, start: int) -> int | None:
+def find_g05(body: bytes, start: int) -> int | None:
     """The offset of the G of the first block that is G05 alone."""
     for match in _G05_END.finditer(body, start):
         before = body[body.rfind(b"\n", 0, match.start()) + 1 : match.start()]
