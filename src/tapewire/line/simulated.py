@@ -1,20 +1,21 @@
-"""A serial cable in memory: two ends, a baud rate, a UART FIFO at each, control lines, and no clock of its own.
+"""A serial cable in memory: two ends, a baud rate, what stands between each end and the wire, control lines, faults.
 
-A character handed over waits in the sender's queue, enters its FIFO, and arrives whole at the other end one character
-time after the one before it. What has entered the FIFO cannot be called back. Characters that have arrived are
-reported in groups of at most `grain`, as a UART with a receive trigger does: the group is passed on when it is full or
-when nothing is behind it.
+No clock of its own: every moment is handed in. A character handed over waits in the sender's queue, enters its FIFO,
+and arrives whole at the other end one character time after the one before it. What has entered the FIFO, an adapter
+or a server cannot be called back.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
 from tapewire.engine import Closure, Nanos, SignalsIn, SignalsOut
-from tapewire.line.pacing import TxPacer, character_time
-from tapewire.line.transport import Closed, Fault, LineItem, StopDistance
+from tapewire.line.faults.injector import Injector, Injectors
+from tapewire.line.pacing import BITS_PER_CHARACTER, TxPacer, character_time
+from tapewire.line.paths import PathKind
+from tapewire.line.reception import Reception
+from tapewire.line.transport import Closed, LineItem, StopDistance
 
 __all__ = ["CableEnd", "EndSettings", "simulated_cable"]
 
@@ -24,113 +25,113 @@ UART_FIFO: Final = 16
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EndSettings:
-    """One end of a simulated cable."""
+    """One end of a simulated cable.
+
+    Without a `path` it is a bare UART that tells what it received as soon as nothing is behind it.
+    """
 
     window: int
     """Characters this end allows itself in flight."""
     fifo: int = UART_FIFO
-    """Characters of these that can no longer be called back."""
+    """Characters of these that can no longer be called back. Without a path only."""
     grain: int = 1
-    """Received characters reported at once."""
+    """Received characters reported at once. Without a path only."""
+    path: PathKind | None = None
+    """What stands between this end and the wire."""
 
-
-@dataclass(slots=True)
-class _Segment:
-    """Characters that left without a gap: character i has arrived at `first` + i character times."""
-
-    first: Nanos
-    data: bytes
-    taken: int = 0
+    @property
+    def path_kind(self) -> PathKind:
+        bare = PathKind(name="bare", why="a UART alone", fifo=self.fifo, trigger=self.grain, timeout_characters=0)
+        return self.path or bare
 
 
 class CableEnd:
     """One end of a simulated cable; a Transport."""
 
-    def __init__(self, settings: EndSettings, character: Nanos, latency: Nanos, has_signals: bool) -> None:
+    def __init__(
+        self,
+        settings: EndSettings,
+        character: Nanos,
+        latency: Nanos,
+        has_signals: bool,
+        injector: Injector | None = None,
+    ) -> None:
+        path = settings.path_kind
         self.peer: CableEnd
         self._settings = settings
+        self._path = path
         self._character = character
         self._latency = latency
-        self._has_signals = has_signals
+        self._has_signals = has_signals and path.signal_delay is not None
         self._tx = TxPacer(character, settings.window)
-        self._arriving: deque[_Segment] = deque()
-        self._marks: deque[tuple[Nanos, SignalsIn | Closed | Fault]] = deque()
+        self._wire_free: Nanos = 0
+        """When the last character handed over has left the UART."""
+        self._reception = Reception(path, character, injector)
         self._now: Nanos = 0
         self._cts = True
         self._signals_seen = SignalsIn(cts=False, dsr=False, cd=False)
         self._closed = False
-        if has_signals:
-            self._marks.append((0, self._signals_seen))
+        if self._has_signals:
+            self._reception.mark(0, self._signals_seen)
 
     def read(self, now: Nanos) -> list[LineItem]:
         self._now = now
-        items: list[LineItem] = []
-        while self._marks and self._marks[0][0] <= now:
-            at, mark = self._marks.popleft()
-            self._take_arrived(items, at)
-            if isinstance(mark, SignalsIn):
-                self._cts = mark.cts
-            items.append(mark)
-        self._take_arrived(items, now)
+        items = self._reception.take(now)
+        for item in items:
+            if isinstance(item, SignalsIn):
+                self._cts = item.cts
         return items
-
-    def _take_arrived(self, items: list[LineItem], until: Nanos) -> None:
-        arrived = bytearray()
-        while self._arriving and (segment := self._arriving[0]).first <= until:
-            count = min((until - segment.first) // self._character + 1, len(segment.data))
-            arrived += segment.data[segment.taken : count]
-            segment.taken = count
-            if count < len(segment.data):
-                break
-            self._arriving.popleft()
-        if arrived:
-            items.append(bytes(arrived))
 
     def room(self, now: Nanos) -> int:
         self._now = now
         return self._tx.room(now) if self._cts and not self._closed else 0
 
     def write(self, data: bytes, now: Nanos) -> None:
-        begins = self._tx.hand_over(len(data), now)
-        self.peer._arriving.append(_Segment(begins + self._character + self._latency, data))
+        self._tx.hand_over(len(data), now)
+        begins = max(self._reaches_uart(now), self._wire_free)
+        self._wire_free = begins + len(data) * self._character
+        self.peer._reception.put(begins + self._character + self._latency, data, self._character)
+
+    def _reaches_uart(self, now: Nanos) -> Nanos:
+        """When what is handed over at `now` has come through the adapter or the network."""
+        path = self._path
+        moment = now + path.latency
+        return -(-moment // path.poll) * path.poll if path.poll else moment
+
+    def _within_reach(self, now: Nanos) -> int:
+        """Characters handed over that can be called back."""
+        return max(0, self.peer._reception.on_the_wire(now + self._latency) - self._path.out_of_reach)
 
     def in_flight(self, now: Nanos) -> int:
         return self._tx.in_flight(now)
 
     def on_its_way(self, now: Nanos) -> int:
-        return self._tx.in_flight(now)
+        """A bare UART knows what it holds; a driver knows what it could not yet give to the UART or the adapter."""
+        if self._settings.path is None:
+            return self._tx.in_flight(now)
+        return min(self._tx.in_flight(now), self._within_reach(now))
 
     def discard(self, now: Nanos) -> int:
-        count = recalled = max(0, self._tx.in_flight(now) - self._settings.fifo)
-        self._tx.call_back(recalled)
-        arriving = self.peer._arriving
-        while count:
-            segment = arriving[-1]
-            waiting = len(segment.data) - segment.taken
-            if waiting > count:
-                segment.data = segment.data[:-count]
-                break
-            arriving.pop()
-            count -= waiting
-        return recalled
+        count = self._within_reach(now)
+        self._tx.call_back(count)
+        self._wire_free -= count * self._character
+        self.peer._reception.call_back(count)
+        return count
 
     def set_signals(self, signals: SignalsOut, now: Nanos) -> None:
         """The cross connection of B-63322EN-1 3.2: RTS to CTS, DTR to DSR, and the peer's CD strapped to DTR."""
         seen = SignalsIn(cts=signals.rts, dsr=signals.dtr, cd=signals.dtr)
         peer = self.peer
-        if self._has_signals and seen != peer._signals_seen:
+        delay = self._path.signal_delay
+        if peer._has_signals and delay is not None and seen != peer._signals_seen:
             peer._signals_seen = seen
-            peer._marks.append((now + self._latency, seen))
+            peer._reception.mark(now + delay + self._latency, seen)
 
     def next_deadline(self) -> Nanos | None:
-        moments = [self._tx.next_deadline(self._now)]
-        if self._marks:
-            moments.append(self._marks[0][0])
-        if self._arriving:
-            segment = self._arriving[0]
-            group = min(segment.taken + self._settings.grain, len(segment.data))
-            moments.append(segment.first + (group - 1) * self._character)
-        return min((moment for moment in moments if moment is not None), default=None)
+        told, sent = self._reception.next_deadline(), self._tx.next_deadline(self._now)
+        if told is None or sent is None:
+            return sent if told is None else told
+        return min(told, sent)
 
     @property
     def stop_distance(self) -> StopDistance:
@@ -144,8 +145,9 @@ class CableEnd:
             return
         self._closed = True
         self.set_signals(SignalsOut(rts=False, dtr=False), now)
-        gone = max(now, self._tx.free_at or now) + self._latency
-        self.peer._marks.append((gone, Closed(closure=Closure.ORDERLY, reason="the other end closed the line")))
+        gone = max(now, self._wire_free) + self._latency
+        closed = Closed(closure=Closure.ORDERLY, reason="the other end closed the line")
+        self.peer._reception.mark(gone, closed)
 
 
 def simulated_cable(
@@ -155,15 +157,18 @@ def simulated_cable(
     *,
     latency: Nanos = 0,
     has_signals: bool = True,
+    bits: int = BITS_PER_CHARACTER,
+    faults: Injectors | None = None,
 ) -> tuple[CableEnd, CableEnd]:
-    """Two ends of one cable at `baud`, 11 bits a character, `latency` ns longer than the characters themselves take.
+    """Two ends of one cable at `baud`, `bits` a character, `latency` ns longer than the characters themselves take.
 
-    Without signals it is a line as TCP gives it: only characters, and nothing that says so.
+    Without signals it is a line as TCP gives it: only characters, and nothing that says so. Where there are `faults`,
+    the near end is the host's.
     """
-    character = character_time(baud)
+    character = character_time(baud, bits)
     ends = (
-        CableEnd(near, character, latency, has_signals),
-        CableEnd(far, character, latency, has_signals),
+        CableEnd(near, character, latency, has_signals, faults.from_control if faults else None),
+        CableEnd(far, character, latency, has_signals, faults.from_host if faults else None),
     )
     ends[0].peer, ends[1].peer = ends[1], ends[0]
     return ends

@@ -161,7 +161,7 @@ class TestHeardInTheMiddleOfADat:
         assert len(bench.all(Violation)) == 1
 
     def test_a_control_that_goes_on_gets_its_answer(self) -> None:
-        bench, said = self.begun()
+        bench, _ = self.begun()
         bench.say(Command.RTY, b"1")
         assert bench.answer(Command.GTD).data == PROGRAM[3488:6976]
         assert bench.wait(0.5) == b""

@@ -156,9 +156,11 @@ class Outbox:
 
 
 class _Broken:
-    """A message of which `out` characters are out, and no more shall be (fewer, when some are called back). `ending` makes it one that nobody can take:
-    the end code comes early, behind a sum that is sure to be wrong and not inside the command, which would be a command
-    error (4.6 2) (2)). The control asks for a repetition and gets something else.
+    """A message of which `out` characters are out, and no more shall be (fewer, when some are called back).
+
+    `ending` makes it one that nobody can take: the end code comes early, behind a sum that is sure to be wrong and not
+    inside the command, which would be a command error (4.6 2) (2)). The control asks for a repetition and gets
+    something else.
     """
 
     __slots__ = ("ending", "message", "out")

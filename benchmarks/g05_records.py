@@ -1,0 +1,72 @@
+"""Speed of the codec of binary input operation, beside a plain copy of the same bytes in the same minute.
+
+python -m benchmarks.g05_records
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from benchmarks.report import spread, table, write_section
+from tapewire.g05.layout import SIGNIFICANT, AuxiliaryUse, Layout, RecordFormat
+from tapewire.g05.records import decode, encode
+
+MEGABYTES: Final = 16
+RUNS: Final = 25
+LAYOUTS: Final = [
+    Layout(axis_count=axes, format=name, auxiliary=use)
+    for axes, name, use in (
+        (3, RecordFormat.SPECIAL, AuxiliaryUse.UNUSED),
+        (3, RecordFormat.GENERAL, AuxiliaryUse.UNUSED),
+        (3, RecordFormat.SPECIAL, AuxiliaryUse.USED),
+        (1, RecordFormat.SPECIAL, AuxiliaryUse.UNUSED),
+        (5, RecordFormat.SPECIAL, AuxiliaryUse.UNUSED),
+        (24, RecordFormat.GENERAL, AuxiliaryUse.USED),
+    )
+]
+ABOUT: Final = (
+    "Pieces of {size} MB of random records, from an array of travel to the bytes on the line and back with every check "
+    "(range, check byte, bits kept 0, no record of zeros). GB/s of bytes on the line, median (minimum to maximum) of "
+    "{runs} runs on one core, the three of a row turn by turn. Bound: `numpy.ndarray.copy` of the same bytes. "
+    "Goals: encode 1, decode 0.3. Pieces beyond 32 MB are slower by the page faults of fresh memory.\n\n"
+)
+
+
+def rate(work: Callable[[], object], size: int) -> float:
+    began = time.perf_counter()
+    work()
+    return size / (time.perf_counter() - began) / 1e9
+
+
+def row(layout: Layout) -> list[str]:
+    random = np.random.default_rng(5)
+    count = MEGABYTES * 1_000_000 // layout.record_bytes
+    low, high = layout.travel_limits
+    travel = random.integers(low, high, (count, layout.axis_count)).astype(np.int16)
+    travel[:, 0] |= 1
+    words = random.integers(0, layout.largest_auxiliary, count) | SIGNIFICANT
+    auxiliary = words.astype(np.uint32) if layout.uses_auxiliary else None
+    data = encode(travel, layout, auxiliary)
+    turns = [
+        (rate(data.copy, len(data)), rate(lambda: encode(travel, layout, auxiliary), len(data)),
+         rate(lambda: decode(data, layout), len(data)))
+        for _ in range(RUNS)
+    ]  # fmt: skip
+    copied, made, read = (list(column) for column in zip(*turns, strict=True))
+    share = statistics.median(made) / statistics.median(copied)
+    return [str(layout), spread(copied, ".1f"), spread(made, ".2f"), f"{share:.0%}", spread(read, ".2f")]
+
+
+def main() -> None:
+    head = ["records", "copy", "encode", "encode, of the copy", "decode"]
+    text = ABOUT.format(size=MEGABYTES, runs=RUNS) + table(head, [row(layout) for layout in LAYOUTS])
+    write_section("g05-records", "Records of binary input operation", text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,252 @@
+"""What reaches one end of a simulated line, and when that end is told of it.
+
+Characters cross the wire one after the other, each at its moment; there the faults meet them. Then they lie in a
+receive FIFO, an adapter or a network until the end is told. All of it is arithmetic on runs of characters: it costs
+by the piece handed over, not by the character, and it comes out the same however time is cut.
+"""
+
+from __future__ import annotations
+
+from bisect import insort
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import chain
+from operator import itemgetter
+from typing import TypeAlias
+
+from tapewire.engine import Nanos, SignalsIn
+from tapewire.line.faults.characters import Late
+from tapewire.line.faults.injector import Injector
+from tapewire.line.paths import PathKind
+from tapewire.line.transport import Closed, Fault, LineItem
+
+__all__ = ["Mark", "Reception", "Segment"]
+
+Mark: TypeAlias = tuple[Nanos, SignalsIn | Closed | Fault]
+"""Something that is no plain character, and its moment."""
+
+_moment = itemgetter(0)
+
+
+@dataclass(slots=True)
+class Segment:
+    """Characters that come without a gap: character i at `first` + i x `step`. The first `taken` are gone."""
+
+    first: Nanos
+    data: bytes
+    step: Nanos
+    taken: int = 0
+
+    def arrived(self, until: Nanos) -> int:
+        """How many have come by `until`, those taken among them; for one whose first character has come."""
+        if not self.step:
+            return len(self.data)
+        return min((until - self.first) // self.step + 1, len(self.data))
+
+    @property
+    def next(self) -> Nanos:
+        return self.first + self.taken * self.step
+
+
+class Reception:
+    """The receiving side of one end. `put` and `mark` are called by the other end, `take` by this one."""
+
+    def __init__(self, path: PathKind, character: Nanos, injector: Injector | None) -> None:
+        self._path = path
+        self._timeout = path.timeout_characters * character
+        self._injector = injector
+        self._wire: deque[Segment] = deque()
+        """Characters on their way."""
+        self._wire_marks: list[Mark] = []
+        self._arrived = self._wire if injector is None else deque()
+        """Characters behind the faults. Where there are none, both are the same."""
+        self._marks = self._wire_marks if injector is None else []
+        self._late_until: Nanos = 0
+        """Before this moment nothing arrives any more that has not."""
+
+    # what the other end does
+
+    def put(self, first: Nanos, data: bytes, step: Nanos) -> None:
+        """`data` is on its way."""
+        self._wire.append(Segment(first, data, step))
+
+    def mark(self, moment: Nanos, what: SignalsIn | Closed | Fault) -> None:
+        insort(self._wire_marks, (moment, what), key=_moment)
+
+    def call_back(self, count: int) -> None:
+        """The last `count` characters on their way never leave."""
+        while count:
+            segment = self._wire[-1]
+            waiting = len(segment.data) - segment.taken
+            if waiting > count:
+                segment.data = segment.data[:-count]
+                return
+            self._wire.pop()
+            count -= waiting
+
+    def on_the_wire(self, now: Nanos) -> int:
+        """Characters that have not arrived by `now`."""
+        return sum(
+            len(segment.data) - (segment.arrived(now) if segment.first <= now else 0)
+            for segment in self._wire
+            if segment.first + (len(segment.data) - 1) * segment.step > now
+        )
+
+    # what this end sees
+
+    def take(self, now: Nanos) -> list[LineItem]:
+        """What this end has been told of by `now` and has not taken."""
+        if self._injector is not None:
+            self._cross(now, self._injector)
+        items: list[LineItem] = []
+        until = self._visible(now)
+        marks = self._marks
+        while marks and marks[0][0] <= until:
+            at, mark = marks.pop(0)
+            # A damaged character makes a UART tell at once, with all before it.
+            self._collect(items, at, self._told(at) if isinstance(mark, SignalsIn) else None)
+            items.append(mark)
+        if self._arrived:
+            self._collect(items, until, self._told(until))
+        return items
+
+    def next_deadline(self) -> Nanos | None:
+        """When this end is told of something."""
+        moments = []
+        if self._marks:
+            moments.append(self._told_at(self._marks[0][0]))
+        if self._arrived or self._wire:
+            moments.append(self._told_at(self._next_told()))
+        if self._injector is not None:
+            if self._wire_marks:
+                moments.append(self._wire_marks[0][0])
+            if self._injector.next_moment is not None:
+                moments.append(self._injector.next_moment)
+        return min(moments, default=None)
+
+    def _visible(self, now: Nanos) -> Nanos:
+        """What has arrived by this moment can be seen at `now`."""
+        path = self._path
+        return now - now % path.poll - path.latency if path.poll else now - path.latency
+
+    def _told_at(self, arrived: Nanos) -> Nanos:
+        """When what arrives at `arrived` can be seen."""
+        path = self._path
+        moment = arrived + path.latency
+        return -(-moment // path.poll) * path.poll if path.poll else moment
+
+    def _collect(self, items: list[LineItem], until: Nanos, limit: int | None) -> None:
+        """Take what has arrived by `until`, at most `limit` characters."""
+        pieces = []
+        arrived = self._arrived
+        while arrived and (segment := arrived[0]).first <= until:
+            end = segment.arrived(until)
+            if limit is not None:
+                end = min(end, segment.taken + limit)
+                limit -= end - segment.taken
+            pieces.append(segment.data[segment.taken : end])
+            segment.taken = end
+            if end < len(segment.data):
+                break
+            arrived.popleft()
+        data = b"".join(pieces)
+        if data:
+            items.append(data)
+
+    def _told(self, until: Nanos) -> int | None:
+        """How many of the characters that wait in the receive FIFO this end has been told of; None: of all."""
+        path = self._path
+        if not path.timeout_characters:
+            return None
+        told = waiting = 0
+        last: Nanos = 0
+        for segment in self._arrived:
+            if segment.next > until:
+                break
+            if waiting and segment.next > last + self._timeout:
+                told, waiting = told + waiting, 0
+            end = segment.arrived(until)
+            waiting += end - segment.taken
+            told += waiting - waiting % path.trigger
+            waiting %= path.trigger
+            last = segment.first + (end - 1) * segment.step
+        return told + waiting if waiting and last + self._timeout <= until else told
+
+    def _next_told(self) -> Nanos:
+        """When the characters now on their way or waiting are told of next: the FIFO is full enough, or a time-out."""
+        trigger, timeout = self._path.trigger, self._timeout
+        waiting = 0
+        last: Nanos = 0
+        for segment in self._pending():
+            if waiting and segment.next > last + timeout:
+                break
+            count = len(segment.data) - segment.taken
+            if waiting + count >= trigger:
+                return segment.next + (trigger - waiting - 1) * segment.step
+            waiting += count
+            last = segment.first + (len(segment.data) - 1) * segment.step
+        return last + timeout
+
+    def _pending(self) -> Iterable[Segment]:
+        return self._wire if self._injector is None else chain(self._arrived, self._wire)
+
+    # the wire and its faults
+
+    def _cross(self, until: Nanos, injector: Injector) -> None:
+        """Let everything up to `until` cross the wire, each fault at its moment."""
+        marks = self._wire_marks
+        while True:
+            fault_at, mark_at = injector.next_moment, marks[0][0] if marks else None
+            if mark_at is not None and mark_at <= until and (fault_at is None or mark_at <= fault_at):
+                self._cross_characters(mark_at, injector)
+                self._cross_mark(*marks.pop(0), injector)
+            elif fault_at is not None and fault_at <= until:
+                self._cross_characters(fault_at, injector)
+                idle = not self._wire or self._wire[0].next - self._wire[0].step >= fault_at
+                for item in injector.fire(idle=idle):
+                    self._arrive(fault_at, item)
+            else:
+                self._cross_characters(until, injector)
+                return
+
+    def _cross_mark(self, moment: Nanos, mark: SignalsIn | Closed | Fault, injector: Injector) -> None:
+        if not isinstance(mark, SignalsIn):
+            self._arrive(moment, mark)
+            return
+        for seen in injector.signals(mark, moment):
+            self._arrive(moment, seen)
+
+    def _cross_characters(self, until: Nanos, injector: Injector) -> None:
+        wire = self._wire
+        while wire and (segment := wire[0]).next <= until:
+            end = segment.arrived(until)
+            first, data = segment.next, segment.data[segment.taken : end]
+            segment.taken = end
+            if end == len(segment.data):
+                wire.popleft()
+            if first >= self._late_until and injector.passes(len(data)):
+                self._arrived.append(Segment(first, data, segment.step))
+                continue
+            for place, item in injector.characters(data, first, segment.step):
+                moment = first + place * segment.step
+                if isinstance(item, Late):
+                    self._late_until = max(self._late_until, moment + item.span)
+                elif isinstance(item, bytes):
+                    self._arrive_characters(moment, item, segment.step)
+                else:
+                    self._arrive(moment, item)
+
+    def _arrive_characters(self, first: Nanos, data: bytes, step: Nanos) -> None:
+        late = min(len(data), max(0, -(-(self._late_until - first) // step))) if step else len(data)
+        if late:
+            self._arrived.append(Segment(max(first, self._late_until), data[:late], 0))
+        if late < len(data):
+            self._arrived.append(Segment(first + late * step, data[late:], step))
+
+    def _arrive(self, moment: Nanos, item: LineItem) -> None:
+        moment = max(moment, self._late_until)
+        if isinstance(item, bytes):
+            self._arrived.append(Segment(moment, item, 0))
+        else:
+            insort(self._marks, (moment, item), key=_moment)
