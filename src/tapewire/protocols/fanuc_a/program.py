@@ -1,4 +1,4 @@
-"""What of a program these protocols cannot carry (4.1, 4.4.2, 5.2, 8.2): seen before the line is opened, or on the way."""
+"""What these protocols cannot carry (4.1, 4.4.2, 5.2, 8.2): seen before the line is opened, or on the way."""
 
 from __future__ import annotations
 
