@@ -23,6 +23,8 @@ _COMMANDS: Final = {
     "cnc": "tapewire.cli.cnc",
     "bridgeport": "tapewire.cli.bridgeport",
     "simulate": "tapewire.cli.simulate",
+    "convert": "tapewire.cli.convert",
+    "fanuc": "tapewire.cli.fanuc",
 }
 
 REFUSED: Final = 2
