@@ -54,6 +54,8 @@ class ProtocolEntry:
     """Used when none are asked for."""
     data_bits: Callable[[Any, int], int] = _eight_bits
     """Bits of a character between start and parity, for these parameters and stop bits. Raises UsageError."""
+    sends_on: int = 512
+    """Characters its control may still send after a stop where no control line stops it (B-63322EN-1 6.3)."""
     refuse: Callable[[Any, Callable[[int], bytes]], None] | None = None
     """Reads a program as it would be sent and raises ProgramError when the protocol cannot carry it."""
 
@@ -142,6 +144,7 @@ _ENTRIES: Final = (
         text=_bridgeport_text,
         stopbits=2,
         data_bits=bridgeport.data_bits,
+        sends_on=bridgeport.STOP_CHARACTERS,
     ),
 )
 

@@ -93,9 +93,6 @@ class _Taken:
 STOP_CHARACTERS: Final = 3
 """A control stops its punch-out within two characters of CS OFF (6.1.1 2) (3) (a)): so many may be in flight."""
 
-STOP_CHARACTERS_WITHOUT_CS: Final = 512
-"""On a line without control lines only DC3 stops it, and that within the overrun (6.3)."""
-
 LINGER_S: Final = 1.0
 """After its end a control listens so long for the host to close, so that its last codes are not lost with the line."""
 
@@ -115,7 +112,7 @@ async def run_control(task: ControlTask, job: JobSettings) -> Result:
     session = Session(
         job,
         cnc,
-        tolerated=STOP_CHARACTERS if isinstance(job.line, TtyAddress) else STOP_CHARACTERS_WITHOUT_CS,
+        tolerated=STOP_CHARACTERS if isinstance(job.line, TtyAddress) else job.protocol.sends_on,
         give_up=cnc.reset,
         bytes_done=lambda: cnc.progress,
         total=task.punch.byte_count if task.punch is not None else None,
