@@ -356,6 +356,7 @@ class Server(_End):
         self._modem_mask = int(WANTED_MODEMSTATE)
         self._modem: int | None = None
         self._client = SignalsOut()
+        self._client_told = False
         self._in_break = False
 
     @property
@@ -422,12 +423,11 @@ class Server(_End):
 
     def _set_control(self, value: int) -> list[Heard]:
         heard: list[Heard] = []
-        before = self._client
         match value:
             case Control.DTR_ON | Control.DTR_OFF:
-                self._client = SignalsOut(rts=before.rts, dtr=value == Control.DTR_ON)
+                heard = self._client_drives(SignalsOut(rts=self._client.rts, dtr=value == Control.DTR_ON))
             case Control.RTS_ON | Control.RTS_OFF:
-                self._client = SignalsOut(rts=value == Control.RTS_ON, dtr=before.dtr)
+                heard = self._client_drives(SignalsOut(rts=value == Control.RTS_ON, dtr=self._client.dtr))
             case Control.BREAK_ON:
                 heard = [] if self._in_break else [Fault(fault=LineFault.BREAK)]
                 self._in_break = True
@@ -435,10 +435,14 @@ class Server(_End):
                 self._in_break = False
             case _:
                 pass
-        if self._client != before:
-            heard.append(SignalsIn(cts=self._client.rts, dsr=self._client.dtr, cd=self._client.dtr))
         self._say_com_port(ANSWER + Word.SET_CONTROL, bytes((self._control_now(value),)))
         return heard
+
+    def _client_drives(self, after: SignalsOut) -> list[Heard]:
+        if self._client_told and after == self._client:
+            return []
+        self._client, self._client_told = after, True
+        return [SignalsIn(cts=after.rts, dsr=after.dtr, cd=after.dtr)]
 
     def _control_now(self, value: int) -> int:
         """What is in force of the thing that `value` is about. There is no flow control of our own."""

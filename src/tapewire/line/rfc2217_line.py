@@ -10,7 +10,7 @@ import socket
 from typing import Final
 
 from tapewire.engine import SECOND, Closure, Nanos, SignalsIn, SignalsOut
-from tapewire.line.descriptor import LineSettings, Parity
+from tapewire.line.descriptor import LineSettings, Parity, Signals
 from tapewire.line.rfc2217 import Client, PortSettings, Purged, Server
 from tapewire.line.tcp import TcpLine
 from tapewire.line.transport import Closed, LineItem, StopDistance
@@ -71,6 +71,11 @@ class Rfc2217Line(TcpLine):
         self._pass_on()
         return items
 
+    @property
+    def knows_signals(self) -> bool:
+        """The other side has told its control lines."""
+        return self._signals is not None
+
     def room(self, now: Nanos) -> int:
         return 0 if self._end_of_it.is_suspended else super().room(now)
 
@@ -79,7 +84,7 @@ class Rfc2217Line(TcpLine):
         self._now = now
         return 0
 
-    def _queue(self, data: bytes) -> bytes:
+    def _encode(self, data: bytes) -> bytes:
         return self._end_of_it.encode(data)
 
     def _pass_on(self) -> None:
@@ -96,10 +101,10 @@ class Rfc2217Line(TcpLine):
         for heard in self._end_of_it.hear(data):
             match heard:
                 case Purged():
-                    self._arrivals.clear()
+                    self._arrivals.drop_characters()
                     items = [item for item in items if isinstance(item, SignalsIn)]
                 case SignalsIn():
-                    if heard != self._signals:
+                    if heard != self._signals and self._settings.signals is Signals.USED:
                         self._signals = heard
                         items.append(heard)
                 case _:
