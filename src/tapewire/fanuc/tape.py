@@ -20,7 +20,22 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from tapewire.codes import CR, DEL, EOB_CODES, EOR_CODES, NUL, SUB, TABLES, DataCode, first_outside, name_of
+from tapewire.codes import (
+    CR,
+    DEL,
+    EIA_SIGNS,
+    EOB_CODES,
+    EOR_CODES,
+    NUL,
+    SUB,
+    TABLES,
+    CodeTable,
+    DataCode,
+    EiaSigns,
+    first_outside,
+    name_of,
+    table_of,
+)
 from tapewire.errors import ProgramError, UsageError
 
 Read = Callable[[int], bytes]
@@ -168,7 +183,7 @@ class _Preparer:
             found.append((offset, self._why_not_sendable(body[offset])))
         if body.count(b"\r") != body.count(b"\r\n") and (lone := _LONE_CR.search(body)):
             found.append((lone.start(), "CR without LF: end the blocks with LF or CR LF, " + _RAW_ADVICE))
-        if (offset := _find_g05(body, label_bytes)) is not None:
+        if (offset := find_g05(body, label_bytes)) is not None:
             found.append((offset, "after the block G05 the control reads binary: send the file with --raw"))
         if found:
             raise self._refusal(body, *min(found))
@@ -224,8 +239,8 @@ def _count_blocks(lines: bytes) -> int:
     return packed.count(b"\n") + (packed != b"" and not packed.endswith(b"\n"))
 
 
-def _find_g05(body: bytes, start: int) -> int | None:
-    """The offset of the G of the first block that is G05 alone."""
+def find_g05(body: bytes, start: int) -> int | None:
+    """The offset, from `start` on, of the G of the first block that is G05 alone: binary data follows it."""
     for match in _G05_END.finditer(body, start):
         before = body[body.rfind(b"\n", 0, match.start()) + 1 : match.start()]
         if _G05_BEGINNING.fullmatch(_COMMENT.sub(b"", before).translate(None, _BLANKS)):
@@ -349,12 +364,13 @@ class PunchReader:
     and in EIA one spoilt into blank tape at the beginning of a block or at the very end.
     """
 
-    def __init__(self, code: DataCode, write: Write) -> None:
+    def __init__(self, code: DataCode, write: Write, signs: EiaSigns = EIA_SIGNS) -> None:
         if code is DataCode.BINARY:
             raise UsageError("a binary punch-out cannot be read as text: store it untouched with --raw")
         self._write = write
-        self._to_ascii = _punched_to_ascii(code)
-        self._wrong_parity, self._no_code = _damaged_bytes(code)
+        table = table_of(code, signs)
+        self._to_ascii = _punched_to_ascii(code, table)
+        self._wrong_parity, self._no_code = _damaged_bytes(code, table)
         self._damage: dict[DamageKind, Damage] = {}
         self._offset = 0
         self._in_block = False
@@ -439,17 +455,15 @@ class PunchReader:
         self._damage[kind] = Damage(kind=kind, first_offset=before.first_offset, count=before.count + count)
 
 
-def _punched_to_ascii(code: DataCode) -> bytes:
+def _punched_to_ascii(code: DataCode, table: CodeTable) -> bytes:
     if code is not DataCode.EIA:
         return bytes(byte & 0x7F for byte in range(256))
-    table = TABLES[code]
     meant = dict(zip(table.codes, table.characters, strict=True))
     return bytes(meant.get(byte, SUB) for byte in range(256))
 
 
-def _damaged_bytes(code: DataCode) -> tuple[bytes, bytes]:
+def _damaged_bytes(code: DataCode, table: CodeTable) -> tuple[bytes, bytes]:
     """The bytes of wrong parity, and those of right parity that are no character of a program's text."""
-    table = TABLES[code]
     text = _TEXT + _FEED
     sound = {byte for byte, meant in zip(table.codes, table.characters, strict=True) if meant in text}
     wrong_weight = {DataCode.ISO: _ODD_WEIGHT, DataCode.EIA: _EVEN_WEIGHT}.get(code, b"")
