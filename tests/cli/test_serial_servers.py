@@ -88,19 +88,6 @@ def test_ser2net_raw(shop: Shop) -> None:
         transferred(shop, f"socket://localhost:{port}", device, "fanuc-b")
 
 
-def test_ser2net_raw_is_no_rfc2217(shop: Shop) -> None:
-    device = shop.folder / "line"
-    control = shop.start("cnc", "--line", f"pty:{device}", "--protocol", "fanuc-b", *BAUD, "--json")
-    control.wait_for("ready")
-    with ser2net(shop.folder, "tcp", device) as port:
-        file = shop.file("in.nc", PROGRAM)
-        host = shop.run("send", file, "--line", f"rfc2217://localhost:{port}", "--protocol", "fanuc-b", *BAUD, "--json")
-        assert host.status == 1
-        assert "socket://" in host.end["reason"]
-    control.interrupt()
-    control.finish()
-
-
 def test_socat_raw(shop: Shop) -> None:
     device, port = shop.folder / "line", free_port()
     with running("socat", f"TCP-LISTEN:{port},reuseaddr", f"OPEN:{device},rawer", port=port):
