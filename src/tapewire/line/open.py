@@ -33,6 +33,7 @@ from tapewire.line.tcp import TcpLine, is_connected_to_itself
 __all__ = [
     "ConnectAddress",
     "LineAddress",
+    "LineOptions",
     "ListenAddress",
     "PtyAddress",
     "TtyAddress",
