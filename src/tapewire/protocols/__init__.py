@@ -21,7 +21,7 @@ Reader: TypeAlias = Callable[[bytes], list[str | bytes]]
 
 
 def _fanuc_text(params: Any) -> TextRules:
-    return FanucText(params.data)
+    return FanucText(params.data, params.g05.record_bytes)
 
 
 def _eight_bits(params: Any, stopbits: int) -> int:

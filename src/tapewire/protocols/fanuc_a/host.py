@@ -62,7 +62,7 @@ class FanucAHost(HostLine):
             raise UsageError(f"a job is under way ({self._state.value}); abort it or wait for its end")
         if self._closed:
             raise UsageError("the line is gone; open it anew")
-        job = Job(source, self._params.data)
+        job = Job(source, self._params.data, self._params.g05.record_bytes)
         if not self._params.packet_n:
             job.supply(LONGEST_DAT)
             refusal = self._refusal(job, LONGEST_DAT)

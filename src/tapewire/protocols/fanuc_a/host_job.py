@@ -25,11 +25,11 @@ class Supply(Enum):
 class Job:
     """One program on its way. `taken` bytes of it have been put into DATs or packets."""
 
-    def __init__(self, source: Source, data: DataCode) -> None:
+    def __init__(self, source: Source, data: DataCode, record_bytes: int | None = None) -> None:
         self._source = source
         self._ahead = bytearray()
         self._exhausted = False
-        self._tape = TapeScanner(data)
+        self._tape = TapeScanner(data, record_bytes)
         self.taken = 0
 
     def supply(self, size: int) -> Supply:
