@@ -89,6 +89,8 @@ class SignalsIn:
     cts: bool = True
     dsr: bool = True
     cd: bool = True
+    ri: bool = False
+    """Ring indicator: no protocol here asks for it; it is shown and recorded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

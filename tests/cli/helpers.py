@@ -127,6 +127,11 @@ class Command:
 
 def invoke(*words: object) -> Finished:
     """The same in this process, for what ends before a line is opened: many of them in the time of one."""
+    return check(printed(*words), [str(word) for word in words])
+
+
+def printed(*words: object) -> Finished:
+    """The same of a command that works no line: what it is for goes to stdout."""
     texts = [str(word) for word in words]
     handlers = {number: signal.getsignal(number) for number in ENDING_SIGNALS}
     output, errors = StringIO(), StringIO()
@@ -138,7 +143,7 @@ def invoke(*words: object) -> Finished:
             signal.signal(number, handler)
     assert isinstance(ended.value.code, int)
     events = [json.loads(line) for line in output.getvalue().splitlines()] if "--json" in texts else []
-    return check(Finished(ended.value.code, events, output.getvalue(), errors.getvalue()), texts)
+    return Finished(ended.value.code, events, output.getvalue(), errors.getvalue())
 
 
 def check(finished: Finished, words: list[str]) -> Finished:

@@ -91,6 +91,19 @@ def test_a_number_that_is_not_there_is_told_and_waits(shop: Shop) -> None:
     assert f"there is no program 43 in {programs}" in sent.stderr
 
 
+def test_a_number_that_is_not_there_is_sent_when_it_appears(shop: Shop) -> None:
+    programs, saved = folder(shop, O0042__nc=SHORT), shop.folder / "saved.nc"
+    host: list[object] = ["send", "--program-dir", programs, *BRIDGEPORT]
+    cnc: list[object] = ["--program", "43", "--operation", "read", "--save", saved, "--timeout", "20", *BRIDGEPORT]
+    sending, taking = start(shop, LINES[0], host=host, cnc=cnc)
+    sending.wait_for("notice", text=f"there is no program 43 in {programs}: put it there and it is sent")
+    (programs / "43.nc").write_bytes(TEXT)
+    sent, taken = finish(sending, taking)
+    arrived(sent, taken, SENT)
+    assert saved.read_bytes() == SENT
+    assert "43.nc is new or was changed" in sent.stderr
+
+
 def test_what_the_control_saves_is_stored_by_its_number_and_replaces_nothing(shop: Shop) -> None:
     programs, file = folder(shop), shop.file("in.nc", TEXT)
     for expected, words in (("42.nc", []), ("42.received-1.nc", []), ("42.nc", ["--force"])):

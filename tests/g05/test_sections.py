@@ -74,9 +74,7 @@ def test_nothing_is_put_behind_an_exit_record_but_eor() -> None:
 def test_a_damaged_record_is_named_with_its_line(at: int) -> None:
     data = bytearray(section(Layout(axis_count=3), 10))
     data[at] ^= 4
-    words = (
-        rf"line 3, column 1: .* record {at // 7 + 1} of 7 bytes has the check byte"
-    )
+    words = rf"line 3, column 1: .* record {at // 7 + 1} of 7 bytes has the check byte"
     with pytest.raises(ProgramError, match=words):
         prepared(BEFORE + data + AFTER, record_bytes=7)
 

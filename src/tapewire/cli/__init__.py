@@ -22,6 +22,7 @@ _COMMANDS: Final = {
     "receive": "tapewire.cli.receive",
     "cnc": "tapewire.cli.cnc",
     "bridgeport": "tapewire.cli.bridgeport",
+    "fanuc": "tapewire.cli.fanuc",
 }
 
 REFUSED: Final = 2

@@ -12,7 +12,7 @@ from typing import Final
 from tapewire.errors import ProgramError
 from tapewire.g05.layout import BITS_PER_CHARACTER, MOST_AXES, UnitTime
 
-__all__ = ["BinaryTally", "BlockWatch", "ExitFinder", "Section", "find_g05", "record_lengths"]
+__all__ = ["BinaryTally", "BlockWatch", "ExitFinder", "Section", "SectionScan", "find_g05", "record_lengths"]
 
 RECORD_LENGTHS: Final = tuple(range(3, 2 * MOST_AXES + 6, 2))
 """2N + 1 and 2N + 5 bytes for 1 to 24 axes."""
@@ -180,6 +180,45 @@ class Section:
             )
         self.record_count += whole // size - self.ended
         self.is_special = self.is_special and not _has_odd_byte(joined[:whole])
+
+
+class SectionScan:
+    """Follows a program as it will be sent, and knows what kind of sections it holds; sound ones, that is."""
+
+    def __init__(self, to_ascii: bytes, record_bytes: int | None) -> None:
+        self.general_bytes: int | None = None
+        """Length of the records of the first section in the general format."""
+        self._to_ascii = to_ascii
+        self._record_bytes = record_bytes
+        self._watch = BlockWatch()
+        self._section: Section | None = None
+        self._lost = False
+
+    def feed(self, data: bytes) -> None:
+        """The next bytes; empty at the end of the program."""
+        at_end = not data
+        while (data or at_end) and not self._lost:
+            if self._section is None:
+                begins = self._watch.feed(data.translate(self._to_ascii))
+                if begins is None:
+                    return
+                self._section, data = Section(self._record_bytes), data[begins:]
+            if data or at_end:
+                data = self._follow(self._section, data)
+                at_end = at_end and self._section is None and bool(data)
+
+    def _follow(self, section: Section, data: bytes) -> bytes:
+        """What stands behind the section."""
+        try:
+            _, rest = section.feed(data) if data else section.finish()
+        except ProgramError:
+            self._lost = True
+            return b""
+        if section.ended:
+            self._section = None
+        if section.record_bytes is not None and not section.is_special and self.general_bytes is None:
+            self.general_bytes = section.record_bytes
+        return rest
 
 
 class BinaryTally:

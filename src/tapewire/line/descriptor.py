@@ -10,6 +10,7 @@ import errno
 import os
 from collections import deque
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Final
 
 from tapewire.engine import MILLISECOND, Closure, Nanos, SignalsIn, SignalsOut
@@ -17,7 +18,7 @@ from tapewire.errors import UsageError
 from tapewire.line.pacing import RxPacer, TxPacer, character_time
 from tapewire.line.transport import Closed, Fault, LineItem, StopDistance
 
-__all__ = ["Arrivals", "DescriptorLine", "LineSettings"]
+__all__ = ["Arrivals", "DescriptorLine", "LineSettings", "Parity"]
 
 BAUD_LIMITS: Final = (50, 4_000_000)
 """From the slowest teleprinter rate termios knows to the fastest."""
@@ -38,12 +39,20 @@ QUEUE_POLL: Final[Nanos] = 5 * MILLISECOND
 """How often the kernel's queue is asked while it holds more than the model of the line says it should."""
 
 
+class Parity(StrEnum):
+    """The bit behind the data bits, which the UART makes and checks."""
+
+    NONE = "none"
+    EVEN = "even"
+    ODD = "odd"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineSettings:
     """How a line is run, whatever kind it is.
 
-    `window` is the number of characters allowed in flight. On a real port `stopbits` 1 means 8E1 and 2 means 8N2; with
-    seven `data_bits` they mean 7E1 and 7E2.
+    `window` is the number of characters allowed in flight. Unless `parity` is told, `stopbits` 1 means 8E1 and 2 means
+    8N2 (B-63322EN-1 3.1); with seven `data_bits` they mean 7E1 and 7E2.
     With `paced_reception` characters are taken no faster than `baud`. Raises UsageError.
     """
 
@@ -52,16 +61,29 @@ class LineSettings:
     window: int
     paced_reception: bool = False
     data_bits: int = 8
+    parity: Parity | None = None
+
+    @property
+    def parity_bit(self) -> Parity:
+        """The parity in force."""
+        if self.parity is not None:
+            return self.parity
+        return Parity.EVEN if self.data_bits == 7 or self.stopbits == 1 else Parity.NONE
 
     @property
     def has_parity(self) -> bool:
-        """The UART makes and checks even parity."""
-        return self.data_bits == 7 or self.stopbits == 1
+        """The UART makes and checks a parity."""
+        return self.parity_bit is not Parity.NONE
 
     @property
     def framing(self) -> str:
         """In the usual three characters."""
-        return f"{self.data_bits}{'E' if self.has_parity else 'N'}{self.stopbits}"
+        return f"{self.data_bits}{self.parity_bit.value[0].upper()}{self.stopbits}"
+
+    @property
+    def character(self) -> Nanos:
+        """How long one character occupies the line, start bit to last stop bit."""
+        return character_time(self.baud, 1 + self.data_bits + self.has_parity + self.stopbits)
 
     def __post_init__(self) -> None:
         low, high = BAUD_LIMITS
@@ -71,6 +93,8 @@ class LineSettings:
             raise UsageError(f"a line cannot have {self.stopbits} stop bits: give 1 (8E1) or 2 (8N2)")
         if self.data_bits not in (7, 8):
             raise UsageError(f"a line cannot have {self.data_bits} data bits: give 7 or 8")
+        if self.data_bits == 7 and self.parity is Parity.NONE and self.stopbits == 1:
+            raise UsageError("a line cannot run 7N1: give it a parity, or 2 stop bits")
         if self.window < 1:
             raise UsageError(f"a line cannot run with a window of {self.window} characters: give 1 or more")
 
@@ -144,7 +168,7 @@ class DescriptorLine:
     """
 
     def __init__(self, fd: int, settings: LineSettings) -> None:
-        character = character_time(settings.baud)
+        character = settings.character
         self._settings = settings
         self._fd: int | None = fd
         self._tx = TxPacer(character, settings.window)
@@ -245,7 +269,7 @@ class DescriptorLine:
             return None
         if self._failure is not None and not self._ended:
             return self._now
-        moments = [self._tx.next_deadline(self._now), self._arrivals.next_deadline()]
+        moments = [self._next_room(), self._arrivals.next_deadline()]
         if not self._ended:
             poll = self._poll_interval()
             if self._behind:
@@ -318,6 +342,10 @@ class DescriptorLine:
             self._arrivals.put(signals)
 
     # What kinds of line do differently.
+
+    def _next_room(self) -> Nanos | None:
+        """When there is room again, or all has left, if nobody says so."""
+        return self._tx.next_deadline(self._now)
 
     def _decode(self, data: bytes) -> list[bytes | Fault]:
         return [data]

@@ -7,14 +7,19 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from tapewire.engine import SECOND, Nanos
-from tapewire.line.descriptor import DescriptorLine
+from tapewire.engine import MICROSECOND, Nanos
+from tapewire.line.alarm import Alarm
 from tapewire.line.link import Link
+from tapewire.line.transport import watched_of
 
 __all__ = ["LineDriver", "monotonic"]
 
 MAX_STEPS_WITHOUT_WAITING: Final = 1000
 """Steps running whose next deadline was already due: beyond this one of them does not move."""
+
+TOO_NEAR_TO_SLEEP: Final[Nanos] = 150 * MICROSECOND
+"""A wake-up takes about as long as this: what is nearer is waited for awake. Only a transmitter that is about to be
+empty is asked so often."""
 
 
 def monotonic() -> Nanos:
@@ -42,6 +47,9 @@ class LineDriver:
     async def run(self, until: Callable[[], bool]) -> None:
         """Step until `until()`, which is asked after every step. What a step raises comes out here."""
         overdue = 0
+        loop = asyncio.get_running_loop()
+        alarm = Alarm()
+        loop.add_reader(alarm.fd, self._ring, alarm)
         try:
             while True:
                 self._woken.clear()
@@ -53,26 +61,26 @@ class LineDriver:
                 overdue = overdue + 1 if deadline is not None and deadline <= now else 0
                 assert overdue <= MAX_STEPS_WITHOUT_WAITING, f"a deadline of {self.link.engine!r} does not move"
                 self._watch()
-                await self._wait(deadline, now)
+                await self._wait(deadline, now, alarm)
         finally:
             self._unwatch()
+            loop.remove_reader(alarm.fd)
+            alarm.close()
 
-    async def _wait(self, deadline: Nanos | None, now: Nanos) -> None:
-        if deadline is None:
-            await self._woken.wait()
-        elif deadline <= now:
+    async def _wait(self, deadline: Nanos | None, now: Nanos, alarm: Alarm) -> None:
+        if deadline is not None and deadline - now <= TOO_NEAR_TO_SLEEP:
             await asyncio.sleep(0)
-        else:
-            loop = asyncio.get_running_loop()
-            alarm = loop.call_at(loop.time() + (deadline - self._clock()) / SECOND, self._woken.set)
-            try:
-                await self._woken.wait()
-            finally:
-                alarm.cancel()
+            return
+        if deadline is not None:
+            alarm.set(monotonic() + deadline - self._clock())
+        await self._woken.wait()
+
+    def _ring(self, alarm: Alarm) -> None:
+        alarm.clear()
+        self._woken.set()
 
     def _watch(self) -> None:
-        transport = self.link.transport
-        watched = transport.watched if isinstance(transport, DescriptorLine) and not self.link.closed else None
+        watched = None if self.link.closed else watched_of(self.link.transport)
         if watched != self._watched:
             self._unwatch()
             if watched is not None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, Final, TypeAlias, assert_never
 
 from tapewire.errors import LineBusy, LineError, LineNotFound, UsageError
-from tapewire.line.descriptor import DescriptorLine, LineSettings
+from tapewire.line.descriptor import DescriptorLine, LineSettings, Parity
 from tapewire.line.pty import create_pty
 from tapewire.line.serial_port import open_tty
 from tapewire.line.tcp import TcpLine, is_connected_to_itself
@@ -110,22 +110,29 @@ async def open_line(
     stopbits: int,
     data_bits: int = 8,
     window: int,
+    parity: Parity | None = None,
     paced_reception: bool = False,
     on_ready: Callable[[str], None] | None = None,
+    on_note: Callable[[str], None] | None = None,
 ) -> DescriptorLine:
     """Open `address`; returns when the line is there, for `listen://` when somebody has connected.
 
     `on_ready` is told once, as a LINE, what the other side can now reach: for `listen://` the port as soon as it
-    listens, for the others when they are open. Raises UsageError for settings no line can have, and LineError.
-    Cancelling leaves nothing open.
+    listens, for the others when they are open. `on_note` is told what a person at this line should know.
+    Raises UsageError for settings no line can have, and LineError. Cancelling leaves nothing open.
     """
     settings = LineSettings(
-        baud=baud, stopbits=stopbits, data_bits=data_bits, window=window, paced_reception=paced_reception
+        baud=baud,
+        stopbits=stopbits,
+        data_bits=data_bits,
+        parity=parity,
+        window=window,
+        paced_reception=paced_reception,
     )
     ready = on_ready or _nobody
     match address:
         case TtyAddress(path=path):
-            line: DescriptorLine = open_tty(path, settings)
+            line: DescriptorLine = open_tty(path, settings, on_note=on_note)
         case PtyAddress(path=path):
             line = create_pty(path, settings)
         case ConnectAddress():

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from typing import Final
 
+from tapewire.codes import TABLES, DataCode
 from tapewire.engine import MILLISECOND, Alarm, Event, Events, Nanos, Notice
 from tapewire.g05.layout import BinaryInput, Layout, RecordFormat
 from tapewire.g05.modes import ModalWatch
 from tapewire.g05.sections import find_g05
 
-__all__ = ["BinaryOperation"]
+__all__ = ["BinaryOperation", "binary_operation"]
 
 LONGEST_BLOCK: Final = 256
 """What the control takes of a block ahead (12.2): no longer one reaches this place whole."""
@@ -66,6 +67,10 @@ class BinaryOperation:
         self._leave()
         self.stopped = False
         self._modes = ModalWatch()
+
+    def next_deadline(self) -> Nanos | None:
+        """When the next record is due, unless it is being waited for."""
+        return self.due if self.active and not self._starving else None
 
     def step(self, records: bytearray, now: Nanos) -> bool:
         """Take the record whose time has come from the front of `records`; False when there is nothing to do yet."""
@@ -134,3 +139,11 @@ class BinaryOperation:
         self._leave()
         self.stopped = True
         self._events.put(Alarm(number=number, text=text))
+
+
+def binary_operation(parameters: tuple[BinaryInput, DataCode] | None) -> BinaryOperation | None:
+    """That of a control with these parameters and the code of its programs; None for a control without it."""
+    if parameters is None or parameters[0].layout is None or parameters[1] is DataCode.BINARY:
+        return None
+    binary, code = parameters
+    return BinaryOperation(binary, TABLES[code].to_ascii)

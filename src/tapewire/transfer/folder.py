@@ -11,11 +11,14 @@ import itertools
 import os
 import re
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 from tapewire.errors import UsageError
 
-__all__ = ["ProgramFolder"]
+__all__ = ["ProgramFolder", "Signature", "signature_of"]
+
+Signature: TypeAlias = tuple[int, int, int]
+"""Which file it is, how long, and when it was written last: another when it was changed."""
 
 _NUMBERED: Final = re.compile(r"[OoPp]?([0-9]{1,6})")
 
@@ -33,6 +36,10 @@ class ProgramFolder:
         """The file of program `number` as the folder is now; None where there is none. Raises UsageError."""
         assert _is_number(number), number
         return self._files().get(int(number))
+
+    def signatures(self) -> dict[Path, Signature]:
+        """Of every program as the folder is now. Raises UsageError."""
+        return {path: signature_of(path) for path in self._files().values()}
 
     def place_for(self, number: str | None, *, force: bool) -> Path:
         """Where a program that the control sends as `number` is stored: nothing that is there, unless `force`.
@@ -65,6 +72,15 @@ class ProgramFolder:
                 raise UsageError(f"{found[number].name} and {path.name} in {self.path} are both program {number}")
             found[number] = path
         return found
+
+
+def signature_of(path: Path) -> Signature:
+    """Raises UsageError where it cannot be seen."""
+    try:
+        status = path.stat()
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read ({error.strerror})") from None
+    return status.st_ino, status.st_size, status.st_mtime_ns
 
 
 def _is_number(number: str) -> bool:

@@ -123,7 +123,7 @@ def load_that_waits_for_the_operator() -> World:
 
 def save_paused_by_the_host() -> World:
     """3.1: the receiving side is the host here, and the control sends at most three characters more."""
-    world, pair = machine(program="1234", mode="L", after_stop="1")
+    world, pair = machine(program="1234", mode="L")
     pair.host.receive(pair.received, world.now)
     pair.cnc.punch(BytesIO(surfacing(400)), world.now)
     world.run_for(100 * MILLISECOND)

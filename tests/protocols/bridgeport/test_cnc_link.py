@@ -185,9 +185,18 @@ def test_4_2_1_the_control_gives_up_as_a_setting() -> None:
     assert bench.receive(b"N1" + ETB + b"\x00").send() == DLE
     assert bench.ended().outcome is Outcome.FAILED
     assert "nak_limit" in bench.all(Alarm)[0].text
-    for_ever = Bench.linking()
+    for_ever = Bench.linking(nak_limit=0)
     for _ in range(100):
         assert for_ever.receive(b"N1" + ETB + b"\x00").quiet().send() == NAK
+
+
+def test_4_2_1_it_gives_up_by_itself_but_not_before_every_candidate_was_tried_twice() -> None:
+    bench, naks = Bench.linking(), 0
+    while (answer := bench.receive(b"N1" + ETB + b"\x00").quiet().send()) == NAK:
+        naks += 1
+    assert (answer, naks) == (DLE, 20)
+    assert naks > 2 * len(LRC_CANDIDATES)
+    assert "a record was bad 21 times running (nak_limit)" in bench.ended().reason
 
 
 def test_4_2_1_naks_are_counted_for_each_record() -> None:

@@ -199,3 +199,11 @@ def test_a_load_after_a_save() -> None:
     bench.send()
     bench.asked().receive(P + EOT)
     assert (bench.take(), bench.engine.progress, bench.engine.program_ended) == (P, 18, True)
+
+
+@pytest.mark.parametrize(("in_uart", "more"), [(0, 3), (1, 2), (2, 1), (3, 0), (7, 0)])
+def test_3_2_what_is_in_the_uart_when_xoff_comes_is_some_of_the_three(in_uart: int, more: int) -> None:
+    bench = Bench().saving()
+    bench.engine.data_sent(len(bench.engine.data_to_send(in_uart)), bench.now)
+    bench.receive(DC3)
+    assert bench.engine.data_to_send(100) == b"0" * more

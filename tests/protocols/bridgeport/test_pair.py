@@ -8,23 +8,31 @@ from io import BytesIO
 
 import pytest
 
-from tapewire.engine import SECOND, AfterStop, Ended, LineFault, Outcome, Violation
+from tapewire.engine import SECOND, AfterStop, LineFault, Nanos, Outcome
 from tapewire.line.transport import Fault, LineItem
-from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, DncEnd
-from tapewire.sim.world import Pair, World
+from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, DncEnd, Lrc
+from tapewire.sim.world import World
+from tests.protocols.bridgeport.combinations import (
+    CANCELS,
+    COMBINATIONS,
+    DISTURBANCES,
+    LINK_CHARACTERS,
+    LINK_PROGRAM,
+    NAME_ENDS,
+    OPERATIONS,
+    SAVE_ENDS,
+    begin_read,
+    begin_save,
+    cancel,
+    disturbed_link,
+    finish,
+    pair_of,
+    read,
+    save_to_host,
+)
 from tests.protocols.bridgeport.disturbed import Disturbed
 from tests.protocols.bridgeport.host_rig import P, surfacing
 
-HOST = {"lrc": "auto"}
-"""The one configuration of the host."""
-
-NAME_ENDS = ("14", "04", "0D 0A 14", "0D 0A 04", "04 14")
-SAVE_ENDS = ("04 14", "04", "14", "14 04")
-CANCELS = ("13 10", "10 04", "10 10", "10 13", "10 14", "10", "10 03", "10 18")
-COMBINATIONS = [
-    {"name_trailer": name, "save_trailer": save, "operator_cancel": cancel, "lrc": lrc, "dnc_end": end}
-    for name, save, cancel, lrc, end in itertools.product(NAME_ENDS, SAVE_ENDS, CANCELS, LRC_CANDIDATES, DncEnd)
-]
 THINNED = 23
 """Prime to the size of every dimension, so that each value meets each other value."""
 
@@ -32,83 +40,15 @@ SHORT = P * 3
 """54 bytes."""
 
 
-def pair_of(combination: dict[str, str], host: dict[str, str] | None = None, **cnc: str) -> tuple[World, Pair]:
-    world = World()
-    settings = {"program": "1234", **combination, **cnc}
-    return world, world.pair("bridgeport", host_settings={**HOST, **(host or {})}, cnc_settings=settings)
-
-
-def read(world: World, pair: Pair, program: bytes) -> tuple[Ended, Ended]:
-    pair.host.start(BytesIO(program), world.now)
-    pair.cnc.cycle_start(world.now)
-    return finish(world, pair)
-
-
-def save(world: World, pair: Pair, program: bytes) -> tuple[Ended, Ended]:
-    pair.host.receive(pair.received, world.now)
-    pair.cnc.punch(BytesIO(program), world.now)
-    return finish(world, pair)
-
-
-def finish(world: World, pair: Pair) -> tuple[Ended, Ended]:
-    world.run_until(lambda: pair.host_end is not None and pair.cnc_end is not None, limit=7200 * SECOND)
-    assert pair.host_end is not None
-    assert pair.cnc_end is not None
-    return pair.host_end, pair.cnc_end
-
-
-def load_arrives(combination: dict[str, str]) -> None:
-    world, pair = pair_of(combination, mode="L")
-    host, cnc = read(world, pair, SHORT)
-    assert (host.outcome, cnc.outcome) == (Outcome.COMPLETE, Outcome.COMPLETE)
-    assert pair.program.getvalue() == SHORT
-
-
-def link_arrives_or_is_refused(combination: dict[str, str]) -> None:
-    world, pair = pair_of(combination, mode="D")
-    host, cnc = read(world, pair, SHORT)
-    assert pair.program.getvalue() == SHORT
-    if combination["dnc_end"] in (DncEnd.EOT_ON_ACK, DncEnd.EOT_AFTER_LRC):
-        assert (host.outcome, cnc.outcome) == (Outcome.COMPLETE, Outcome.COMPLETE)
-    else:
-        assert host.outcome is Outcome.CANCELLED
-        assert "sent whole, then cancelled at the control" in host.reason
-        assert f"dnc_end={combination['dnc_end']}" in cnc.reason
-
-
-def save_arrives(combination: dict[str, str]) -> None:
-    world, pair = pair_of(combination)
-    host, cnc = save(world, pair, SHORT)
-    assert (host.outcome, cnc.outcome) == (Outcome.COMPLETE, Outcome.COMPLETE)
-    assert pair.received.getvalue() == SHORT
-
-
-def cancel_is_heard(combination: dict[str, str], what: str = "D") -> None:
-    world, pair = pair_of(combination, mode=what if what in "LD" else "D")
-    if what == "save":
-        pair.host.receive(pair.received, world.now)
-        pair.cnc.punch(BytesIO(SHORT * 4), world.now)
-    else:
-        pair.host.start(BytesIO(SHORT * 4), world.now)
-        pair.cnc.cycle_start(world.now)
-    world.run_until(lambda: max(pair.host.progress, pair.cnc.progress) > 40)
-    pair.cnc.reset(world.now)
-    host, cnc = finish(world, pair)
-    assert (host.outcome, cnc.outcome) == (Outcome.CANCELLED, Outcome.CANCELLED)
-    world.run_for(5 * SECOND)
-    assert not pair.host.data_to_send(16)
-    assert not [event for _, event in pair.host_events if isinstance(event, Violation) and "NAK" not in event.what]
-
-
 @pytest.mark.parametrize("part", range(16))
 def test_one_host_against_every_reading_of_the_lost_codes(part: int) -> None:
-    """Every 23rd of the 5,120 combinations, each with a load, a link, a save and a cancel."""
+    """Every 23rd of the 5,120 combinations, each with a load, a link, a save, and a cancel of each."""
     for combination in COMBINATIONS[::THINNED][part::16]:
-        for operation in (load_arrives, link_arrives_or_is_refused, save_arrives, cancel_is_heard):
+        for name, operation in OPERATIONS.items():
             try:
                 operation(combination)
             except AssertionError as error:
-                raise AssertionError(f"{operation.__name__} {combination}: {error}") from error
+                raise AssertionError(f"{name} {combination}: {error}") from error
 
 
 @pytest.mark.parametrize("lrc", LRC_CANDIDATES)
@@ -127,16 +67,17 @@ def test_every_pair_of_endings_arrives_or_is_refused(ends: tuple[DncEnd, DncEnd]
         assert SHORT.startswith(pair.program.getvalue())
 
 
-@pytest.mark.parametrize("cancel", CANCELS)
+@pytest.mark.parametrize("pair", CANCELS)
 @pytest.mark.parametrize("what", ["L", "D", "save"])
-def test_cancel_by_every_pair_in_every_transfer(what: str, cancel: str) -> None:
-    cancel_is_heard({"operator_cancel": cancel}, what)
+def test_cancel_by_every_pair_in_every_transfer(what: str, pair: str) -> None:
+    combination = {"operator_cancel": pair, "dnc_end": DncEnd.EOT_ON_ACK}
+    assert cancel(combination, what)
 
 
 @pytest.mark.parametrize("name", NAME_ENDS)
 @pytest.mark.parametrize("ending", SAVE_ENDS)
 def test_a_save_with_every_ending(name: str, ending: str) -> None:
-    save_arrives({"name_trailer": name, "save_trailer": ending})
+    save_to_host({"name_trailer": name, "save_trailer": ending})
 
 
 @pytest.mark.parametrize("mode", ["L", "D"])
@@ -151,7 +92,7 @@ def test_every_kind_of_request(number: str, mode: str, parity: str) -> None:
 
 def test_the_long_program_by_dnc_link() -> None:
     program = surfacing()
-    world, pair = pair_of({}, {"lrc": "xor7_etb"}, mode="D")
+    world, pair = pair_of({}, {"lrc": "xor7_etb", "record_bytes": "256"}, mode="D")
     host, cnc = read(world, pair, program)
     assert (host.outcome, cnc.outcome) == (Outcome.COMPLETE, Outcome.COMPLETE)
     assert pair.program.getvalue() == program
@@ -173,29 +114,76 @@ def test_3_2_at_most_three_characters_after_xoff(baud: int, hold: str) -> None:
     assert bool(after) is (hold == "xoff")
 
 
-DISTURBANCES: dict[str, Callable[[int], LineItem]] = {
-    **{f"bit {bit}": lambda byte, bit=bit: bytes([byte ^ 1 << bit]) for bit in range(7)},  # type: ignore[misc]
-    "parity error": lambda byte: Fault(fault=LineFault.PARITY, byte=byte ^ 1),
-    "framing error": lambda byte: Fault(fault=LineFault.FRAMING, byte=0),
-    "lost": lambda byte: b"",
-    "noise": lambda byte: bytes([byte, 0x7E]),
-}
-LINK_PROGRAM = b"N10G1X1F5\r\nN20Y1\r\nN30M2\r\n"
-LINK_CHARACTERS = 33
-"""DC1 to the name, three records with ETB and LRC, and EOT."""
-
-
+@pytest.mark.parametrize("lrc", LRC_CANDIDATES)
 @pytest.mark.parametrize("disturbance", DISTURBANCES)
-def test_a_record_disturbed_anywhere_arrives_byte_exact(disturbance: str) -> None:
-    """Every character from the first of the first record to the last check character."""
-    for position in range(1, LINK_CHARACTERS - 1):
-        world, pair = pair_of({}, {"record_bytes": "12", "lrc": "xor7_etb"}, mode="D")
-        disturbed = Disturbed(pair.cnc_link.transport, position, DISTURBANCES[disturbance])
-        pair.cnc_link.transport = disturbed
-        host, cnc = read(world, pair, LINK_PROGRAM)
-        assert disturbed.done
-        assert (host.outcome, cnc.outcome) == (Outcome.COMPLETE, Outcome.COMPLETE), (position, pair.transcript)
-        assert pair.program.getvalue() == LINK_PROGRAM, (position, str(pair.transcript))
+def test_a_link_disturbed_anywhere_arrives_byte_exact(disturbance: str, lrc: Lrc) -> None:
+    """All places by the first candidate, a third of them by each other; all of all by the campaign."""
+    step = 1 if lrc is LRC_CANDIDATES[0] else 3
+    for position in range(LRC_CANDIDATES.index(lrc) % step, LINK_CHARACTERS, step):
+        assert disturbed_link(position, disturbance, lrc)
+
+
+@pytest.mark.parametrize("disturbance", [name for name in DISTURBANCES if name != "noise"])
+def test_an_end_that_is_disturbed_leaves_the_control_waiting_with_all_of_the_program(disturbance: str) -> None:
+    """No rule of the text tells the host, which says complete."""
+    world, pair = pair_of({}, {"lrc": "xor7_etb"}, mode="D")
+    pair.cnc_link.transport = Disturbed(pair.cnc_link.transport, LINK_CHARACTERS, DISTURBANCES[disturbance])
+    begin_read(world, pair, LINK_PROGRAM)
+    world.run_for(60 * SECOND)
+    assert pair.host_end is not None
+    assert pair.host_end.outcome is Outcome.COMPLETE
+    assert pair.cnc_end is None
+    assert pair.program.getvalue() == LINK_PROGRAM
+
+
+def faulty(fault: LineFault, bit: int) -> Callable[[int], LineItem]:
+    return lambda byte: Fault(fault=fault, byte=byte ^ 1 << bit)
+
+
+NAME_CHARACTERS = 6
+"""DC2 and `77;D`, which the host hears before DC4."""
+
+
+@pytest.mark.parametrize("fault", [LineFault.PARITY, LineFault.FRAMING, LineFault.UART_OVERRUN])
+def test_a_damaged_name_never_brings_another_program(fault: LineFault) -> None:
+    for position, bit, mode in itertools.product(range(NAME_CHARACTERS), range(7), "LD"):
+        world, pair = pair_of({}, mode=mode, program="77")
+        pair.host_link.transport = Disturbed(pair.host_link.transport, position, faulty(fault, bit))
+        pair.host.start(BytesIO(LINK_PROGRAM), world.now)
+        pair.cnc.cycle_start(world.now)
+        world.run_for(40 * SECOND)
+        assert pair.program.getvalue() == (LINK_PROGRAM if position == 0 else b""), (position, str(pair.transcript))
+
+
+@pytest.mark.parametrize("window", [1, 2, 3, 4, 16])
+@pytest.mark.parametrize("after_stop", [0, 1, 3])
+def test_3_2_a_save_stops_within_three_characters_or_within_what_its_uart_holds(window: int, after_stop: int) -> None:
+    """Counted on the line: what the control still sends once it has received DC3."""
+    world = World()
+    settings = {"program": "1234", "mode": "L", "after_stop": str(after_stop)}
+    pair = world.pair("bridgeport", cnc_settings=settings, cnc_window=window)
+    sent: list[tuple[int, int]] = []
+    listen = pair.cnc_link.on_item
+
+    def count(item: LineItem, now: Nanos) -> None:
+        if isinstance(item, bytes) and 0x13 in item:
+            sent.append((pair.cnc_link.characters_sent, pair.cnc_link.transport.in_flight(now)))
+        if listen is not None:
+            listen(item, now)
+
+    pair.cnc_link.on_item = count
+    begin_save(world, pair, surfacing(400))
+    world.run_until(lambda: pair.host.progress > 100)
+    pair.host.hold_reception(world.now)
+    world.run_for(SECOND)
+    ((before, in_uart),) = sent
+    assert in_uart <= window
+    assert pair.cnc_link.characters_sent - before + in_uart == max(in_uart, after_stop)
+    assert window > 3 or pair.cnc_link.characters_sent - before + in_uart <= 3
+    pair.host.release(world.now)
+    host, _ = finish(world, pair)
+    assert host.outcome is Outcome.COMPLETE
+    assert pair.received.getvalue() == surfacing(400)
 
 
 @pytest.mark.parametrize("position", [1, 20, 54])

@@ -16,6 +16,7 @@ from tapewire.protocols.fanuc_a.cnc_law import State
 from tapewire.protocols.fanuc_a.messages import Command, EndCode, Message, MessageCode, RetryReason
 from tapewire.protocols.fanuc_a.params import OpenLine, Retries, SynParameters, TimeOut
 from tapewire.protocols.fanuc_a.status import AlarmCause, BufferState
+from tapewire.protocols.settings import Switch
 from tests.protocols.fanuc_a.cnc_bench import PROGRAM, Bench, quick
 
 C = Command
@@ -253,6 +254,12 @@ def test_sr855_dr_or_cd_off_during_transmission(signal: str) -> None:
     assert bench.alarms == ["SR855"]
     assert bench.ended_as(Outcome.FAILED, "SR855")
     assert bench.silent(60)
+
+
+@pytest.mark.parametrize(("cd", "alarms"), [(Switch.ON, ["SR855"]), (Switch.OFF, [])])
+def test_10_2_5000_4_cd_is_checked_or_not(cd: Switch, alarms: list[str]) -> None:
+    bench = Bench(quick(cd=cd)).signals().asked().signals(cd=False)
+    assert bench.alarms == alarms
 
 
 def test_cd_that_was_never_on_has_no_wire() -> None:

@@ -368,6 +368,12 @@ def test_11_sr855_dr_off_during_transmission(posting: Switch, stopped: bool) -> 
     assert bench.signals().send() == b"", "there was nobody to tell"
 
 
+@pytest.mark.parametrize(("cd", "alarms"), [(Switch.ON, ["SR855"]), (Switch.OFF, [])])
+def test_10_2_5000_4_cd_is_checked_or_not(cd: Switch, alarms: list[str]) -> None:
+    bench = Bench(Params(cd=cd)).reading().signals(cd=False)
+    assert [alarm.number for alarm in bench.all(Alarm)] == alarms
+
+
 def test_11_sr855_at_once_whatever_6_4_note_1_says_of_other_alarms() -> None:
     assert Bench(AT_RESET).reading().signals(dsr=False).end() == (Outcome.FAILED, 0, 0)
 

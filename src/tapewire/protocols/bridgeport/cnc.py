@@ -291,7 +291,8 @@ class BridgeportCnc(Reading):
                 self._recalling = self._out.text_in_flight
                 self._cut_off(word, Outcome.CANCELLED, "the remote cancelled what the control sent (3.2)", b"")
             case Word.XOFF, State.SAVING:
-                self._may_still_send = self._params.after_stop
+                # What is with the UART already leaves whatever is done here: it is some of the three.
+                self._may_still_send = max(0, self._params.after_stop - self._out.in_flight)
                 self._move(word, State.PAUSED)
                 self._events.put(Held(why="XOFF from the remote"))
             case Word.XON, State.PAUSED:

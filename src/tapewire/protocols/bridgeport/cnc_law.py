@@ -195,8 +195,11 @@ def vocabulary(params: Params) -> Mapping[State, Sequence[Word | None]]:
         State.SAVING: xon | ready | hold,
         State.PAUSED: xon | hold,
     }
-    characters = range(SEVEN_BITS + 1)
-    return {
-        state: tuple(own.get(state, {}).get(character, _OTHERS.get(state)) for character in characters)
-        for state in State
-    }
+    return {state: _meanings(own.get(state, {}), _OTHERS.get(state)) for state in State}
+
+
+def _meanings(own: Mapping[int, Word], others: Word | None) -> tuple[Word | None, ...]:
+    meanings = [others] * (SEVEN_BITS + 1)
+    for character, word in own.items():
+        meanings[character] = word
+    return tuple(meanings)

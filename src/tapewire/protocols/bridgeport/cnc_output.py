@@ -65,6 +65,11 @@ class Output:
         return min(max(self.left - self._text_at, 0), self.saved)
 
     @property
+    def in_flight(self) -> int:
+        """Characters handed over that have not left."""
+        return self.handed - self.left
+
+    @property
     def text_in_flight(self) -> bool:
         return self.saved_left < self.saved
 

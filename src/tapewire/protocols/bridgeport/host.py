@@ -49,9 +49,12 @@ from tapewire.protocols.bridgeport.host_law import (
 from tapewire.protocols.bridgeport.host_reception import Reception, marks_of
 from tapewire.protocols.bridgeport.host_transmission import LinkRecords
 from tapewire.protocols.bridgeport.messages import STOP_CHARACTERS, ErLine, Name, Params, Parity, on_the_wire
+from tapewire.protocols.bridgeport.text import TEXT
 from tapewire.protocols.settings import Switch
 
 __all__ = ["LAW", "BridgeportHost", "State"]
+
+ASK_AGAIN: Final = "cancel at the control and ask again"
 
 DAMAGED_WAIT: Final[Nanos] = 60 * SECOND
 """A damaged character stops us, since it may have been XOFF: after so long without another, the job has failed."""
@@ -203,6 +206,8 @@ class BridgeportHost(Job):
                 self._end(Outcome.FAILED, f"held by XOFF for longer than {params.pause_limit:g} s; {AGAIN}", now)
             case Timer.HOLD:
                 self._end(Outcome.FAILED, f"nobody gave {self._what} within {params.hold_limit:g} s; {AGAIN}", now)
+            case Timer.LIBRARY:
+                self._look_again(now)
             case Timer.ACK:
                 self._end(Outcome.FAILED, f"no answer to a record within {params.ack_limit:g} s; {AGAIN}", now)
             case Timer.GRACE:
@@ -300,7 +305,10 @@ class BridgeportHost(Job):
             self._finish_tail(now)
         elif state in SENDING or (state is State.RECEIVING and self._in_transfer):
             self._end(Outcome.FAILED, "the control began anew before the program was complete", now)
-        self._timers.stop(Timer.HOLD)
+        elif state is State.HOLD:
+            self._name = None
+        self._stop_waiting()
+        self._spoilt_name = ""
         self._held = self._pause_told = False
         self._reception = Reception(self._place, self._params.upload_limit)
         self._transmission = None
@@ -314,6 +322,10 @@ class BridgeportHost(Job):
             return
         if self._state is State.SAVED:
             self._finish_saved(now)
+        if self._spoilt_name:
+            self._events.put(Requested(served=False))
+            self._events.put(Notice(text=f"its name came damaged ({self._spoilt_name}): nothing is sent; {ASK_AGAIN}"))
+            return
         if self._name is None and self._held and self._just_ended(now):
             self._held = False
             self._events.put(Notice(text="XON after an XOFF at the end of the program: no request"))
@@ -327,6 +339,7 @@ class BridgeportHost(Job):
     def _on_cancel(self, character: int, now: Nanos) -> None:
         """4.3.2: stop, throw the rest away, wait for another request. Nothing is answered."""
         if self._state is State.REST and self._name is None:
+            self._spoilt_name = ""
             self._ignore(Heard.CANCEL, character)
             return
         whole = "sent whole, then " if self._state is State.TAIL and not self._more_to_send else ""
@@ -376,11 +389,22 @@ class BridgeportHost(Job):
 
     def _on_nak(self, now: Nanos) -> None:
         """4.2.1: the same record; one that is still going out is finished first."""
+        if self._state is State.TAIL:
+            self._on_refused_end(now)
+            return
         self._events.put(Violation(what="NAK: a record arrived damaged"))
         self._answered(now)
         assert isinstance(self._transmission, LinkRecords)
         self._transmission.nak()
         self._follow(now)
+
+    def _on_refused_end(self, now: Nanos) -> None:
+        """The text knows no such answer, but it is none that says the program is in."""
+        if self._more_to_send or not isinstance(self._transmission, LinkRecords):
+            self._ignore(Heard.NAK, self._params.nak)
+            return
+        why = "sent whole, but the control answers the end with NAK: look there whether the program is in; dnc_end says"
+        self._end(Outcome.FAILED, f"{why} what else the end may be", now)
 
     def _answered(self, now: Nanos) -> None:
         self._timers.stop(Timer.ACK)
@@ -398,7 +422,9 @@ class BridgeportHost(Job):
         if self._params.closing_dc3 is Switch.ON:
             self._replies.append(self._params.xoff)
         self._state = State.REST
-        if name is not None:
+        if name is not None and reception.damage:
+            self._name, self._spoilt_name = None, reception.damage
+        elif name is not None:
             self._take_name(name)
         elif reception.kept:
             self._state = State.SAVED
@@ -410,17 +436,17 @@ class BridgeportHost(Job):
             self._events.put(Notice(text=what))
 
     def _take_name(self, name: Name) -> None:
-        self._name = name if name.number is not None else None
+        self._name = name
         if name.usual:
             return
         said = name.raw.decode("ascii", "backslashreplace").strip()
-        known = f"taken as the number {name.number}" if name.number else "no number: ignored"
+        known = f"taken as the number {name.number}" if name.number else "no number in it"
         self._events.put(Notice(text=f"the control sent the unusual name {said!r}: {known}"))
 
     def _on_uninvited(self, character: int, now: Nanos) -> None:
         """Text at rest: a program, where the control sends as to a tape punch."""
         shelf = self._arming.shelf if self._arming is not None else None
-        if self._params.punch_mode is Switch.OFF or shelf is None:
+        if self._params.punch_mode is Switch.OFF or shelf is None or character not in TEXT:
             self._ignore(Heard.TEXT, character)
             return
         self._on_open_write(now)

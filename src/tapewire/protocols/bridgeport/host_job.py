@@ -37,6 +37,9 @@ __all__ = ["AGAIN", "Job"]
 SOURCE_POLL: Final[Nanos] = 10 * MILLISECOND
 """How often a source that had nothing yet is asked again."""
 
+LIBRARY_POLL: Final[Nanos] = SECOND
+"""How often a program that the control waits for is looked for again: no person notices a shorter wait."""
+
 AGAIN: Final = "cancel the transfer at the control before anything else is sent to it"
 
 
@@ -50,6 +53,8 @@ class Job:
         self._events = Events()
         self._arming: Arming | None = None
         self._name: Name | None = None
+        self._spoilt_name = ""
+        """What was wrong with the name before the request that is due; empty while nothing was."""
         self._transmission: Transmission | None = None
         self._reception: Reception | None = None
         self._replies = bytearray()
@@ -81,7 +86,7 @@ class Job:
         """The operator gives the program that the control waits for (1.2). Raises UsageError when it does not."""
         if self._state is not State.HOLD:
             raise UsageError(f"the control waits for no program ({self._state.value}); arm it with start")
-        self._timers.stop(Timer.HOLD)
+        self._stop_waiting()
         self._begin(source, now)
 
     def abort(self, now: Nanos) -> None:
@@ -140,7 +145,7 @@ class Job:
         self._arming = arming
         self._transmission = None
         if self._state is State.HOLD:
-            self._timers.stop(Timer.HOLD)
+            self._stop_waiting()
             self._state = State.REST
         if self._state is not State.RECEIVING:
             self._reception = None
@@ -148,21 +153,42 @@ class Job:
     def _serve(self, now: Nanos) -> None:
         """1.2.1: the control wants a program; by its name, where it said one."""
         self._held = False
-        name, library = self._name, self._arming.library if self._arming is not None else None
-        source = None
-        if library is not None:
-            source = library.find(name.number if name else None, name.mode if name else None)
-        self._events.put(Requested(number=name.number if name else None, served=source is not None))
+        source = self._look_up()
+        self._events.put(Requested(number=self._name.number if self._name else None, served=source is not None))
         if source is not None:
             self._begin(source, now)
-        elif self._arming is not None and library is None:
+        elif self._arming is not None and self._arming.library is None:
+            text = f"the control asks for {self._what} while we only receive: not answered"
             self._name = None
-            self._events.put(Notice(text=f"the control asks for {_called(name)} while we only receive: not answered"))
-        elif library is not None and self._params.missing is WhenMissing.EOT:
+            self._events.put(Notice(text=text))
+        elif self._arming is not None and self._params.missing is WhenMissing.EOT:
             self._refuse(now)
         else:
             self._state = State.HOLD
             self._start(Timer.HOLD, self._params.hold_limit, now)
+            self._look_again_later(now)
+
+    def _look_up(self) -> Source | None:
+        if self._arming is None or self._arming.library is None:
+            return None
+        name = self._name
+        return self._arming.library.find(name.number if name else None, name.mode if name else None)
+
+    def _look_again(self, now: Nanos) -> None:
+        """1.2: what the control waits for may have been put into the library meanwhile."""
+        source = self._look_up()
+        if source is not None:
+            self.answer(source, now)
+        else:
+            self._look_again_later(now)
+
+    def _look_again_later(self, now: Nanos) -> None:
+        if self._arming is not None and self._arming.library is not None:
+            self._timers.start(Timer.LIBRARY, now + LIBRARY_POLL)
+
+    def _stop_waiting(self) -> None:
+        self._timers.stop(Timer.HOLD)
+        self._timers.stop(Timer.LIBRARY)
 
     def _refuse(self, now: Nanos) -> None:
         """An empty program, which is what the control is told where `missing` says so."""
@@ -275,6 +301,7 @@ class Job:
     def _rest(self) -> None:
         self._timers.stop_all()
         self._name = None
+        self._spoilt_name = ""
         self._replies.clear()
         self._state = State.REST
 

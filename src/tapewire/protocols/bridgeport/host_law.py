@@ -60,6 +60,7 @@ class Timer(Enum):
     SOURCE = "source poll"
     PAUSE = "pause limit"
     HOLD = "hold limit"
+    LIBRARY = "look again"
     ACK = "ACK limit"
     GRACE = "XOFF grace after ACK"
     END = "end wait"
@@ -141,6 +142,7 @@ LAW: Final[dict[tuple[State, Heard], frozenset[State]]] = {
     (State.RECORD, Heard.NAK): frozenset({State.RECORD}),
     (State.RECORD, Heard.ACK): frozenset({State.RECORD}),
     (State.WAIT_ACK, Heard.NAK): frozenset({State.RECORD, State.REST}),
+    (State.TAIL, Heard.NAK): frozenset({State.TAIL, State.REST}),
     (State.WAIT_ACK, Heard.ACK): frozenset({State.RECORD, State.TAIL, State.REST}),
 }
 """What each character may do in each state (chapter 1, 3, 4). A pair without a row changes nothing: at rest and while

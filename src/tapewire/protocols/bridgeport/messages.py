@@ -47,6 +47,10 @@ __all__ = [
 STOP_CHARACTERS: Final = 3
 """A sender stops within so many characters of XOFF (3.2)."""
 
+NAK_LIMIT: Final = 20
+"""A record refused so often will not get better. The text sets no limit; a related control gives up after three. More
+than the 14 by which lrc=auto gets to the last of eight candidates, each tried twice."""
+
 NAME_BYTES: Final = 8
 """No name is longer, and every program is (1.1)."""
 
@@ -329,8 +333,8 @@ class Params(CodeTable):
         limits=(0, 3600.0),
     )
     nak_limit: int = setting(
-        0,
-        "NAKs of one record after which the simulated control cancels; 0: never.",
+        NAK_LIMIT,
+        "NAKs of one record after which the simulated control cancels; 0: never. lrc=auto draws 14 at most.",
         end=End.CONTROL,
         unit="NAKs",
         limits=(0, 1000),
@@ -344,7 +348,7 @@ class Params(CodeTable):
     )
     after_stop: int = setting(
         STOP_CHARACTERS,
-        "Characters the simulated control still sends after it has received XOFF.",
+        "Characters the simulated control still sends after it has received XOFF, those in its UART among them.",
         end=End.CONTROL,
         unit="characters",
         limits=(0, STOP_CHARACTERS),

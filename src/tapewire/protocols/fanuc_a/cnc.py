@@ -38,6 +38,7 @@ from tapewire.engine import (
     Violation,
 )
 from tapewire.errors import UsageError
+from tapewire.fanuc.alarms import AlarmNumber
 from tapewire.protocols.fanuc_a.cnc_dialogue import Dialogue
 from tapewire.protocols.fanuc_a.cnc_job import Job, Phase
 from tapewire.protocols.fanuc_a.cnc_law import (
@@ -67,13 +68,12 @@ from tapewire.protocols.fanuc_a.messages import (
 )
 from tapewire.protocols.fanuc_a.params import GtdAnswers, Params, TimeOut
 from tapewire.protocols.fanuc_a.status import AlarmCause, Setting
+from tapewire.protocols.settings import Switch
 
 __all__ = ["FanucACnc"]
 
 _HEADER: Final = 5
 """Characters before the data: sum and command."""
-
-_COMMUNICATION: Final = "COMMUNICATION ERROR (RMT-BUF)"
 
 
 class FanucACnc:
@@ -121,12 +121,13 @@ class FanucACnc:
         if self._line.state in DEAF or self._line.state is State.SYN_WAIT:
             self._events.put(Violation(what=f"{seen} while the control was not listening: ignored"))
             return
-        self._line.open_line("SR946", f"{_COMMUNICATION}: {seen}", now)
+        self._line.open_line(AlarmNumber.SR946, seen, now)
 
     def receive_signals(self, signals: SignalsIn, now: Nanos) -> None:
         # SR855 speaks of a CD that turns off (5000#4 = 0). 3.2 has it strapped to our own ER, so a CD that was never
         # ON has no wire and says nothing.
-        cd_fell = self._signals_reported and self._signals_in.cd and not signals.cd
+        checked = self._signals_reported and self._params.cd is Switch.ON
+        cd_fell = checked and self._signals_in.cd and not signals.cd
         self._signals_in = signals
         self._signals_reported = True
         if self._line.state is State.CLOSED:
@@ -312,7 +313,7 @@ class FanucACnc:
         return len(raw) < 3 or raw[:2] != self._params.coding.encode(checksum(raw[2:]))
 
     def _refuse(self, alarm: Refusal, what: str, now: Nanos) -> None:
-        self._line.reception_error(AlarmCause.UNEXPECTED, alarm.value, f"{_COMMUNICATION}: {what}", now)
+        self._line.reception_error(AlarmCause.UNEXPECTED, alarm.value, what, now)
 
     def _obey(self, message: Message, now: Nanos) -> None:
         line = self._line
@@ -431,7 +432,6 @@ class FanucACnc:
             case Verdict.TOO_MANY:
                 line.too_many_naks()
             case Verdict.OVERFLOW:
-                text = "BUFFER OVERFLOW (RMT-BUF): the host did not stop at DC3"
-                line.open_line("SR856", text, now)
+                line.open_line(AlarmNumber.SR856, "the host did not stop at DC3", now)
             case _:
                 assert_never(verdict)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Final
 
 from tapewire.engine import MILLISECOND, SECOND, Alarm, Nanos, Notice, Outcome, Violation
+from tapewire.fanuc.alarms import AlarmNumber, text_of
 from tapewire.protocols.fanuc_a.cnc_job import Phase
 from tapewire.protocols.fanuc_a.cnc_law import State, Timer
 from tapewire.protocols.fanuc_a.cnc_turn import Turn, legal_n
@@ -42,7 +43,7 @@ class Dialogue(Turn):
         self._host_here = False
         transmitting = self.up and self._job.phase is Phase.READING and not self._job.safe
         if transmitting:
-            self._alarm("SR855", f"DATA SET READY DOWN (RMT-BUF): {reason}")
+            self._alarm(AlarmNumber.SR855, reason)
         elif self.up or for_good:
             self._events.put(Notice(text=f"the host is gone: {reason}"))
         if for_good and self._job.runs and not self._job.safe:
@@ -118,12 +119,13 @@ class Dialogue(Turn):
 
     # 4.6: errors
 
-    def _alarm(self, number: str, text: str) -> None:
+    def _alarm(self, number: AlarmNumber, detail: str) -> None:
         """An alarm of chapter 11, which ends what is running.
 
         It is none before the line is initialised, when nothing is being transmitted, and none for a program that is
         here as a whole.
         """
+        text = text_of(number, detail)
         if not self.up or self._job.safe:
             self._events.put(Violation(what=f"{text} (no {number}: nothing of a program is being transmitted)"))
             return
@@ -131,20 +133,20 @@ class Dialogue(Turn):
         if self._job.runs:
             self._job.finish(Outcome.FAILED, f"{number} {text}")
 
-    def open_line(self, number: str, text: str, now: Nanos) -> None:
+    def open_line(self, number: AlarmNumber, detail: str, now: Nanos) -> None:
         """4.6 1), 4.7 note 1: the line is broken off; then silence until the host's SYN, or all as at power-on."""
-        self._alarm(number, text)
+        self._alarm(number, detail)
         if self._status is BufferState.NOT_READY:
             self._status = BufferState.OPEN_LINE
         self._break_off(State.NOT_READY)
         if self._host_here:
             self.host_ready(now)
 
-    def reception_error(self, cause: AlarmCause, number: str, text: str, now: Nanos) -> None:
+    def reception_error(self, cause: AlarmCause, number: AlarmNumber, detail: str, now: Nanos) -> None:
         """4.6 2), 4.7 note 2: what came is ignored, the state is alarm, SAT goes on."""
         ended_before = not self._job.runs
         self._status = BufferState.RESET if not self.up else self._status
-        self._alarm(number, text)
+        self._alarm(number, detail)
         if ended_before:
             self._job.let_go()
         self.room.end()
@@ -158,7 +160,7 @@ class Dialogue(Turn):
     def too_many_naks(self) -> None:
         """An alarm that stops reception: CAN (5.3 1)), and then SAT says why."""
         assert self.session is not None
-        self._alarm("SR945", f"COMMUNICATION ERROR (RMT-BUF): {self._ne_exceeded} of one packet")
+        self._alarm(AlarmNumber.SR945, f"{self._ne_exceeded} of one packet")
         self._to_alarm(AlarmCause.CHECKSUM)
         self._poll_now = True
         self.session.stop()
@@ -168,7 +170,8 @@ class Dialogue(Turn):
         if self._due is None:
             if self._too_many_retries():
                 cause = AlarmCause.OVERRUN if reason is RetryReason.OVERRUN else AlarmCause.CHECKSUM
-                self.reception_error(cause, "SR945", f"{self._ne_exceeded}, the last for {_why(reason)}", now)
+                detail = f"{self._ne_exceeded}, the last for {_why(reason)}"
+                self.reception_error(cause, AlarmNumber.SR945, detail, now)
                 return
             self._due = encode_message(Message(command=Command.RTY, data=reason.value), self._params.coding)
         self.heard_something(now)
@@ -181,7 +184,7 @@ class Dialogue(Turn):
     def repeat(self, now: Nanos) -> None:
         """RTY of the host. 4.6 1) (7) against 4.6 2) (1): too many of the host's are an open line, of ours alarm 1."""
         if self._too_many_retries():
-            self.open_line("SR945", f"COMMUNICATION ERROR (RMT-BUF): {self._ne_exceeded}, the last the host's RTY", now)
+            self.open_line(AlarmNumber.SR945, f"{self._ne_exceeded}, the last the host's RTY", now)
             return
         if self.state is State.RESTING and not self._asks:
             # A GTD that is not meant any more would draw data that nobody takes.
@@ -264,8 +267,7 @@ class Dialogue(Turn):
 
     def _time_out(self, now: Nanos) -> None:
         what = "no packet" if self.state is State.PACKETS else f"no answer, {self.state.value},"
-        text = f"COMMUNICATION ERROR (RMT-BUF): {what} within To = {self.parameters.to} s"
-        self.open_line("SR944", text, now)
+        self.open_line(AlarmNumber.SR944, f"{what} within To = {self.parameters.to} s", now)
 
 
 def _why(reason: RetryReason) -> str:

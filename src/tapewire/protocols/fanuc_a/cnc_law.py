@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from enum import Enum, StrEnum
 from typing import Final
 
+from tapewire.fanuc.alarms import AlarmNumber
 from tapewire.protocols.fanuc_a.messages import Command
 
 __all__ = ["AWAITED", "DEAF", "LAW", "MESSAGES_AMONG_PACKETS", "Act", "Refusal", "State", "Timer", "refusal"]
@@ -68,8 +69,8 @@ class Timer(Enum):
 class Refusal(Enum):
     """The two alarms that chapter 11 has for a command in the wrong place."""
 
-    INVALID_RESPONSE = "SR947"
-    NOT_EXPECTED = "SR948"
+    INVALID_RESPONSE = AlarmNumber.SR947
+    NOT_EXPECTED = AlarmNumber.SR948
 
 
 AWAITED: Final[Mapping[Command, State]] = {

@@ -253,6 +253,7 @@ class Params:
     echo: Switch = setting(
         Switch.OFF, "Position 1 of SAT repeats that of the last SET, or is always 0 (5000#1).", end=_CONTROL
     )
+    cd: Switch = setting(Switch.ON, "CD is checked (5000#4 = 0). RS-422 has none (3.3).", end=_CONTROL)
     di: int = setting(0, "The DI byte G152 that RDI reads.", end=_CONTROL, limits=(0, 255))
     open_line: OpenLine = setting(
         OpenLine.WAITS, "Whether a control waits for SYN after an open-line error or speaks itself.", end=_CONTROL

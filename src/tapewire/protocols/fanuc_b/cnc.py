@@ -44,6 +44,7 @@ from tapewire.engine import (
     Violation,
 )
 from tapewire.errors import UsageError
+from tapewire.fanuc.alarms import AlarmNumber, text_of
 from tapewire.protocols.fanuc_b.cnc_buffer import Latecomers, Output, ReceiveBuffer, StopCount, codes_in
 from tapewire.protocols.fanuc_b.cnc_law import LAW, Act, Cause, State
 from tapewire.protocols.fanuc_b.cnc_posting import Codes, Posting
@@ -114,7 +115,7 @@ class FanucBCnc:
             case _:
                 self._events.put(Violation(what=f"{seen} while nothing was to come: ignored"))
                 return
-        self._communication_alarm(Act.LINE_FAULT, "SR946", f"COMMUNICATION ERROR (RMT-BUF): {seen} {where}")
+        self._communication_alarm(Act.LINE_FAULT, AlarmNumber.SR946, f"{seen} {where}")
 
     def receive_signals(self, signals: SignalsIn, now: Nanos) -> None:
         why = self._posting.update(signals)
@@ -268,7 +269,7 @@ class FanucBCnc:
 
     def _overrun(self) -> None:
         why = self._stop.overflow() or f"the buffer of {BUFFER_BYTES} characters is full"
-        self._communication_alarm(Act.OVERRUN, "SR856", f"BUFFER OVERFLOW (RMT-BUF): {why}")
+        self._communication_alarm(Act.OVERRUN, AlarmNumber.SR856, why)
 
     def _finish_read(self) -> None:
         """6.1.1 1) (7): DC3 when the read is completed."""
@@ -386,8 +387,9 @@ class FanucBCnc:
             self._out.abandon()
         self._end_if_left()
 
-    def _communication_alarm(self, cause: Act, number: str, text: str) -> None:
+    def _communication_alarm(self, cause: Act, number: AlarmNumber, detail: str) -> None:
         """An alarm of the communication itself ends it at once, whatever 6.4 note 1 leaves to RESET."""
+        text = text_of(number, detail)
         self._events.put(Alarm(number=number, text=text))
         codes: Codes = ()
         if cause is Act.HOST_GONE:
@@ -399,7 +401,6 @@ class FanucBCnc:
         self._cut_off(cause, Outcome.FAILED, f"{number} {text}", codes)
 
     def _host_gone(self, why: str) -> None:
-        text = f"DATA SET READY DOWN (RMT-BUF): {why}"
         match self._state:
             case State.IDLE:
                 self._out.abandon()
@@ -413,13 +414,14 @@ class FanucBCnc:
             case State.CLOSING:
                 self._move(Act.HOST_GONE, State.CLOSING)
                 if self._ending is Outcome.COMPLETE and self._source is not None:
-                    self._events.put(Alarm(number="SR855", text=text))
+                    text = text_of(AlarmNumber.SR855, why)
+                    self._events.put(Alarm(number=AlarmNumber.SR855, text=text))
                     self._ending, self._reason = Outcome.FAILED, f"SR855 {text}"
                 self._out.abandon()
                 self._recalling = False
                 self._end_if_left()
             case _:
-                self._communication_alarm(Act.HOST_GONE, "SR855", text)
+                self._communication_alarm(Act.HOST_GONE, AlarmNumber.SR855, why)
 
     # how every job begins and ends
 

@@ -73,8 +73,8 @@ class Posting:
 
     @property
     def _has_cd(self) -> bool:
-        """Expansion B is RS-422, which has no CD (3.3)."""
-        return self._params.limits != EXPANSION_B
+        """Expansion B is RS-422, which has no CD (3.3); with 5000#4 = 1 nobody looks at it."""
+        return self._params.cd is Switch.ON and self._params.limits != EXPANSION_B
 
     @property
     def _host_ready(self) -> bool:

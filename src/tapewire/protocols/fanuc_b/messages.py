@@ -221,6 +221,7 @@ class Params:
         "With posting on, an alarm ends the communication at once (6.1.2) or at RESET (6.4 note 1).",
         end=End.CONTROL,
     )
+    cd: Switch = setting(Switch.ON, "CD is checked (5000#4 = 0). RS-422 has none (3.3).", end=End.CONTROL)
     idle_posting: Switch = setting(
         Switch.ON,
         "The simulated control posts SYN and NAK also while idle; the valid period is a lost figure (6.1.2).",

@@ -1,0 +1,153 @@
+"""`tapewire fanuc`"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import click
+
+from tapewire.cli.common import COMPLETE, NOT_COMPLETE, Number
+from tapewire.errors import UsageError
+from tapewire.fanuc.alarms import BEGIN_AGAIN, AlarmRecord, alarm_named
+from tapewire.fanuc.host_settings import HostSettings, host_settings
+from tapewire.fanuc.parameter_check import Weight
+from tapewire.fanuc.parameter_file import (
+    LONGEST_FILE_BYTES,
+    ParameterFile,
+    read_parameters,
+    write_punch,
+    write_toml,
+)
+from tapewire.fanuc.parameters import CATALOGUE, Interface, ParameterSet, PowerRule
+
+__all__ = ["fanuc"]
+
+_INTERFACES: Final = {"rs-232-c": Interface.RS_232_C, "rs-422": Interface.RS_422}
+_INDENT: Final = "  "
+
+
+@click.group()
+def fanuc() -> None:
+    """What only FANUC controls with a remote buffer need: parameters, alarms, LEDs."""
+
+
+def _parameters_of(path: Path) -> ParameterFile:
+    try:
+        with path.open("rb") as file:
+            data = file.read(LONGEST_FILE_BYTES + 1)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read ({error.strerror})") from None
+    if len(data) > LONGEST_FILE_BYTES:
+        raise UsageError(f"{path}: longer than {LONGEST_FILE_BYTES:,} bytes, which no parameter file is")
+    try:
+        return read_parameters(data.decode("ascii"))
+    except UnicodeDecodeError as error:
+        raise UsageError(
+            f"{path}: byte {data[error.start]:02X}h at offset {error.start} is not ASCII; "
+            "a punch-out in ISO or EIA code goes through `tapewire convert` first"
+        ) from None
+    except UsageError as error:
+        raise UsageError(f"{path}: {error}") from None
+
+
+_PARAMS: Final = click.argument("params", type=click.Path(path_type=Path))
+_INTERFACE: Final = click.option(
+    "--interface",
+    type=click.Choice(list(_INTERFACES)),
+    help="What the board has, where No. 5000 does not say it.",
+)
+
+
+@fanuc.command("host-settings")
+@_PARAMS
+@_INTERFACE
+@click.option("--protocol", metavar="NAME", help="fanuc-a or fanuc-a-expansion: the control leaves it to the host.")
+@click.option("--cable-length", type=Number(min=0), metavar="METRES", help="Is the cable short enough for the rate?")
+def host_settings_command(params: Path, interface: str | None, protocol: str | None, cable_length: float | None) -> int:
+    """Print the commands that suit a control with the parameters in the file PARAMS.
+
+    PARAMS holds lines such as `N5074 P3`, as the control punches them, or TOML. The exit status is 1 where something
+    must be seen to first.
+    """
+    settings = host_settings(
+        _parameters_of(params).parameters,
+        board=_INTERFACES[interface] if interface else None,
+        protocol=protocol,
+        cable_length_m=cable_length,
+    )
+    for verb in ("send", "receive") if settings.receives else ("send",):
+        click.echo(settings.command(verb))
+    _tell(settings)
+    warned = any(finding.weight is Weight.WARNING for finding in settings.findings)
+    return NOT_COMPLETE if warned else COMPLETE
+
+
+def _tell(settings: HostSettings) -> None:
+    frame = "8E1" if settings.stopbits == 1 else "8N2"
+    click.echo(f"{settings.protocol} on {settings.interface}, {settings.baud} baud, {frame}", err=True)
+    for other in settings.alternatives:
+        click.echo(f"{other} goes with the same parameters: the host chooses", err=True)
+    for finding in settings.findings:
+        click.echo(f"{finding.weight}: {finding}", err=True)
+
+
+@fanuc.command()
+@_PARAMS
+@click.option(
+    "--to",
+    "form",
+    type=click.Choice(["text", "punch", "toml"]),
+    default="text",
+    show_default=True,
+    help="For people, as the control punches them, or TOML.",
+)
+def parameters(params: Path, form: str) -> int:
+    """Show the remote buffer's parameters in the file PARAMS, or write them in the other form."""
+    file = _parameters_of(params)
+    match form:
+        case "punch":
+            click.echo(write_punch(file.parameters), nl=False)
+        case "toml":
+            click.echo(write_toml(file.parameters), nl=False)
+        case _:
+            click.echo("\n".join(_explained(file.parameters)))
+    if file.others:
+        click.echo(f"{file.others:,} other parameters are left out", err=True)
+    return COMPLETE
+
+
+def _explained(values: ParameterSet) -> list[str]:
+    lines = []
+    for number, value in sorted(values.values.items()):
+        record = CATALOGUE[number]
+        meaning = record.values.get(value, record.unit)
+        shown = f"{value:08b}" if record.is_bits else f"{value} {meaning}".rstrip()
+        power = "" if record.power is PowerRule.AT_ONCE else f" [{record.power}]"
+        lines.append(f"{number:04d} {record.title}: {shown}{power}")
+        for bit in record.bits:
+            on = values.bit(number, bit.position)
+            lines.append(f"{_INDENT}#{bit.position} {bit.name} = {on}: {bit.one if on else bit.zero}")
+    return lines
+
+
+@fanuc.command()
+@click.argument("number")
+def alarm(number: str) -> int:
+    """Explain an alarm of the remote buffer: why it comes, what is seen, what to do. SR945, sr0945 or 945."""
+    click.echo("\n".join(_alarm_text(alarm_named(number))))
+    return COMPLETE
+
+
+def _alarm_text(record: AlarmRecord) -> list[str]:
+    return [
+        f"{record.number} {record.message}",
+        "",
+        "Why:",
+        *(f"{_INDENT}- {cause}" for cause in record.causes),
+        f"{_INDENT}Fault of {record.fault_of}. Raised in {record.protocols}.",
+        "What is seen:",
+        f"{_INDENT}{record.seen}",
+        "What to do:",
+        *(f"{_INDENT}{place}. {remedy}" for place, remedy in enumerate((*record.remedies, BEGIN_AGAIN), 1)),
+    ]
