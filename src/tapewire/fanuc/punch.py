@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from tapewire.codes import DEL, NUL, SUB, TABLES, DataCode
+from tapewire.codes import DEL, EIA_SIGNS, NUL, SUB, CodeTable, DataCode, EiaSigns, table_of
 from tapewire.errors import UsageError
 
 __all__ = ["Damage", "DamageKind", "PunchReader"]
@@ -58,12 +58,13 @@ class PunchReader:
     and in EIA one spoilt into blank tape at the beginning of a block or at the very end.
     """
 
-    def __init__(self, code: DataCode, write: Write) -> None:
+    def __init__(self, code: DataCode, write: Write, signs: EiaSigns = EIA_SIGNS) -> None:
         if code is DataCode.BINARY:
             raise UsageError("a binary punch-out cannot be read as text: store it untouched with --raw")
         self._write = write
-        self._to_ascii = _punched_to_ascii(code)
-        self._wrong_parity, self._no_code = _damaged_bytes(code)
+        table = table_of(code, signs)
+        self._to_ascii = _punched_to_ascii(code, table)
+        self._wrong_parity, self._no_code = _damaged_bytes(code, table)
         self._damage: dict[DamageKind, Damage] = {}
         self._offset = 0
         self._in_block = False
@@ -148,17 +149,15 @@ class PunchReader:
         self._damage[kind] = Damage(kind=kind, first_offset=before.first_offset, count=before.count + count)
 
 
-def _punched_to_ascii(code: DataCode) -> bytes:
+def _punched_to_ascii(code: DataCode, table: CodeTable) -> bytes:
     if code is not DataCode.EIA:
         return bytes(byte & 0x7F for byte in range(256))
-    table = TABLES[code]
     meant = dict(zip(table.codes, table.characters, strict=True))
     return bytes(meant.get(byte, SUB) for byte in range(256))
 
 
-def _damaged_bytes(code: DataCode) -> tuple[bytes, bytes]:
+def _damaged_bytes(code: DataCode, table: CodeTable) -> tuple[bytes, bytes]:
     """The bytes of wrong parity, and those of right parity that are no character of a program's text."""
-    table = TABLES[code]
     text = _TEXT + _FEED
     sound = {byte for byte, meant in zip(table.codes, table.characters, strict=True) if meant in text}
     wrong_weight = {DataCode.ISO: _ODD_WEIGHT, DataCode.EIA: _EVEN_WEIGHT}.get(code, b"")

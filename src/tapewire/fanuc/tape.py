@@ -22,7 +22,7 @@ from typing import Final
 
 from tapewire.codes import CR, DEL, EOB_CODES, EOR_CODES, TABLES, DataCode, first_outside, name_of
 from tapewire.errors import ProgramError, UsageError
-from tapewire.g05.sections import BinaryTally, BlockWatch, ExitFinder, Section, find_g05
+from tapewire.g05.sections import BinaryTally, BlockWatch, ExitFinder, Section, g05_block
 
 Read = Callable[[int], bytes]
 """Gives at most so many bytes of the file, and b"" only at its end."""
@@ -141,7 +141,7 @@ class _Preparer:
         eor = piece.find(b"%", 1 if label_bytes else 0)
         body = piece if eor < 0 else piece[:eor]
         binary = None
-        if (g05 := find_g05(body, label_bytes)) is not None and body[g05[1] - 1 : g05[1]] == b"\n":
+        if (g05 := g05_block(body, label_bytes)) is not None and body[g05[1] - 1 : g05[1]] == b"\n":
             body, binary, eor = body[: g05[1]], piece[g05[1] :], -1
             self._g05 = _position(self._line, body, g05[0])
         self._check(body, label_bytes)
@@ -222,7 +222,7 @@ class _Preparer:
             found.append((offset, self._why_not_sendable(body[offset])))
         if body.count(b"\r") != body.count(b"\r\n") and (lone := _LONE_CR.search(body)):
             found.append((lone.start(), "CR without LF: end the blocks with LF or CR LF, " + _RAW_ADVICE))
-        if (g05 := find_g05(body, label_bytes)) is not None and body[g05[1] - 1 : g05[1]] != b"\n":
+        if (g05 := g05_block(body, label_bytes)) is not None and body[g05[1] - 1 : g05[1]] != b"\n":
             found.append(
                 (g05[0], f"after the block G05 the control reads binary, and none follows: add it, {_RAW_ADVICE}")
             )

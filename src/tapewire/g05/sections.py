@@ -12,7 +12,16 @@ from typing import Final
 from tapewire.errors import ProgramError
 from tapewire.g05.layout import BITS_PER_CHARACTER, MOST_AXES, UnitTime
 
-__all__ = ["BinaryTally", "BlockWatch", "ExitFinder", "Section", "SectionScan", "find_g05", "record_lengths"]
+__all__ = [
+    "BinaryTally",
+    "BlockWatch",
+    "ExitFinder",
+    "Section",
+    "SectionScan",
+    "find_g05",
+    "g05_block",
+    "record_lengths",
+]
 
 RECORD_LENGTHS: Final = tuple(range(3, 2 * MOST_AXES + 6, 2))
 """2N + 1 and 2N + 5 bytes for 1 to 24 axes."""
@@ -31,8 +40,14 @@ _BEGINNING: Final = re.compile(rb"(?:/[1-9]?)?(?:[Nn][0-9]+)?")
 _COMMENT: Final = re.compile(rb"\([^()\n]*\)")
 
 
-def find_g05(text: bytes, start: int = 0) -> tuple[int, int] | None:
-    """(offset of the G, offset behind the EOB) of the first block of ASCII text that is G05 alone."""
+def find_g05(text: bytes, start: int = 0) -> int | None:
+    """The offset, from `start` on, of the G of the first block of ASCII text that is G05 alone: binary follows it."""
+    found = g05_block(text, start)
+    return None if found is None else found[0]
+
+
+def g05_block(text: bytes, start: int = 0) -> tuple[int, int] | None:
+    """(offset of the G, offset behind the EOB, if it has one) of the first block of ASCII text that is G05 alone."""
     for match in _END.finditer(text, start):
         before = text[text.rfind(b"\n", 0, match.start()) + 1 : match.start()]
         if _BEGINNING.fullmatch(_COMMENT.sub(b"", before).translate(None, _BLANKS)):
@@ -50,7 +65,7 @@ class BlockWatch:
         """The offset in `text` behind the EOB of the first block G05, or None."""
         known = len(self._block)
         joined = self._block + text
-        found = find_g05(joined)
+        found = g05_block(joined)
         if found is not None and joined[found[1] - 1 : found[1]] == b"\n":
             self._block = b""
             return found[1] - known
@@ -193,6 +208,11 @@ class SectionScan:
         self._watch = BlockWatch()
         self._section: Section | None = None
         self._lost = False
+
+    @property
+    def inside(self) -> bool:
+        """A section has begun and not ended."""
+        return self._section is not None
 
     def feed(self, data: bytes) -> None:
         """The next bytes; empty at the end of the program."""

@@ -16,7 +16,7 @@ from typing import Final
 
 from tapewire.engine import MILLISECOND, Closure, LineFault, Nanos, SignalsIn, SignalsOut
 from tapewire.errors import LineError
-from tapewire.line.closed_loop import ClosedLoop
+from tapewire.line.closed_loop import CLOSED_LOOP_WINDOW, ClosedLoop
 from tapewire.line.descriptor import DescriptorLine, LineSettings
 from tapewire.line.kernel import Counters, TtyKernel
 from tapewire.line.marks import Damage, decode_marks
@@ -28,9 +28,6 @@ __all__ = ["TtyLine"]
 
 UART_FIFO: Final = 16
 """Characters in the transmit FIFO of a 16550, where nothing says how many there are."""
-
-CLOSED_LOOP_WINDOW: Final = 16
-"""Up to this window the transmitter is asked before each chunk; a larger one does not fit into a FIFO at once."""
 
 SIGNALS_POLL: Final[Nanos] = 10 * MILLISECOND
 """How often the control lines are looked at where nobody tells; between two looks at 86400 baud lie 79 characters."""
