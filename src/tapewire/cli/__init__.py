@@ -23,6 +23,7 @@ _COMMANDS: Final = {
     "cnc": "tapewire.cli.cnc",
     "bridgeport": "tapewire.cli.bridgeport",
     "simulate": "tapewire.cli.simulate",
+    "ports": "tapewire.cli.ports",
     "convert": "tapewire.cli.convert",
     "fanuc": "tapewire.cli.fanuc",
 }

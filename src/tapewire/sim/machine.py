@@ -10,7 +10,8 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Final
 
-from tapewire.engine import SECOND, CncEngine, Nanos, Sink
+from tapewire.engine import SECOND, CncEngine, Event, Nanos, Sink
+from tapewire.sim.binary_operation import BinaryOperation
 
 __all__ = ["Control", "Motion"]
 
@@ -34,7 +35,8 @@ class Control:
 
     `sink` gets the program as taken from the buffer, up to and including EOR. `eob` is the end of block of the code
     in use. An operator presses RESET, or the control goes to alarm, once `reset_after` or `alarm_after` bytes of
-    program have been taken, or punched. With `single_block` it stops after each block until `go`.
+    program have been taken, or punched. With `binary` it executes the
+    records of G05 sections, each in its unit time. With `single_block` it stops after each block until `go`.
     """
 
     def __init__(
@@ -47,6 +49,7 @@ class Control:
         eob: bytes = b"\n",
         reset_after: int | None = None,
         alarm_after: int | None = None,
+        binary: BinaryOperation | None = None,
         single_block: bool = False,
     ) -> None:
         self._engine = engine
@@ -61,6 +64,7 @@ class Control:
             self._acts.append((reset_after, engine.reset))
         if alarm_after is not None:
             self._acts.append((alarm_after, engine.alarm))
+        self.binary = binary
         self._send_buffer = bytearray()
         self._block_done: Nanos | None = None
         self._rest_of_block: Nanos = 0
@@ -73,14 +77,24 @@ class Control:
     @property
     def idle(self) -> bool:
         """Nothing taken is left to execute."""
-        return self._block_done is None and not self._rest_of_block and not self._send_buffer
+        moves = self._block_done is not None or self._rest_of_block or (self.binary and self.binary.active)
+        return not moves and not self._send_buffer
 
     def step(self, now: Nanos) -> None:
+        if self.binary is not None and self.binary.stopped:
+            if self._engine.progress:
+                return
+            self.binary.reset()
         while self._take(now) or self._execute(now):
             pass
 
     def next_deadline(self) -> Nanos | None:
+        if self._block_done is None and self.binary is not None:
+            return self.binary.next_deadline()
         return self._block_done
+
+    def next_event(self) -> Event | None:
+        return None if self.binary is None else self.binary.next_event()
 
     # the operator
 
@@ -118,6 +132,8 @@ class Control:
         self._block_done = None
         self._rest_of_block = 0
         self.motion = Motion.RUNNING
+        if self.binary is not None and not self.binary.stopped:
+            self.binary.reset()
 
     def _take(self, now: Nanos) -> int:
         room = SEND_BUFFER - len(self._send_buffer)
@@ -142,7 +158,7 @@ class Control:
         """One step of execution; True if it changed anything."""
         if self.motion is not Motion.RUNNING:
             return False
-        if self._block_time is None and not self.single_block:
+        if self._block_time is None and self.binary is None and not self.single_block:
             self.blocks_executed += self._send_buffer.count(self._eob)
             changed = bool(self._send_buffer)
             self._send_buffer.clear()
@@ -157,7 +173,16 @@ class Control:
                 return True
         else:
             began = now
-        return self._begin_block(began) or began != now
+        changed = self._begin_record(now) if self.binary and self.binary.active else self._begin_block(began)
+        if self.binary is not None and self.binary.stopped:
+            self._forget()
+            self._engine.alarm(now)
+            return False
+        return changed or began != now
+
+    def _begin_record(self, now: Nanos) -> bool:
+        assert self.binary is not None
+        return self.binary.step(self._send_buffer, now)
 
     def _begin_block(self, began: Nanos) -> bool:
         """The next whole block, or what stands before the end of the program, starts to execute at `began`."""
@@ -168,6 +193,8 @@ class Control:
         if not length:
             return False
         block = bytes(self._send_buffer[:length])
+        if self.binary is not None:
+            self.binary.sees(block)
         del self._send_buffer[:length]
         self._block_done = began + (self._block_time(block) if self._block_time is not None else 0)
         return True

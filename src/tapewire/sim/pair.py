@@ -12,6 +12,7 @@ from tapewire.line.faults.injector import Injectors
 from tapewire.line.link import Application, Link
 from tapewire.line.transport import Closed, Fault, LineItem, Transport
 from tapewire.protocols import ProtocolEntry, Reader
+from tapewire.sim.binary_operation import binary_operation
 from tapewire.sim.machine import Control
 from tapewire.sim.transcript import Transcript, event_text
 
@@ -158,6 +159,7 @@ class Pair:
     def restart_control(self, sink: Sink, now: Nanos, **operator: Any) -> None:
         """The control comes back with nothing in its memory."""
         self.cnc = self.entry.cnc(self.cnc_params)
+        operator.setdefault("binary", binary_operation(self.entry.binary_input(self.cnc_params)))
         self.control = Control(self.cnc, sink, eob=self.entry.text(self.cnc_params).eob, **operator)
         self._restart(self.cnc_side, self._connect_cnc(self.cnc, self.cnc_link.transport, self.control), now)
 

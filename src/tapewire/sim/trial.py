@@ -138,8 +138,9 @@ class Trial:
     def _operator(self) -> dict[str, Any]:
         scenario = self.scenario
         if scenario.override is not None:
-            return {"block_time": BlockTime(Speeds(override=scenario.override))}
-        return {"blocks_per_second": scenario.blocks_per_second}
+            return {"block_time": BlockTime(Speeds(override=scenario.override)), "binary": None}
+        # No program of a campaign holds G05, and without it blocks that take no time are executed all at once.
+        return {"blocks_per_second": scenario.blocks_per_second, "binary": None}
 
     def _tap(self, pair: Pair) -> None:
         self.evidence.host.listen(pair.host_link)

@@ -23,6 +23,7 @@ from tapewire.line.paths import PATHS, PathKind
 from tapewire.line.simulated import EndSettings, simulated_cable
 from tapewire.protocols import protocol
 from tapewire.protocols.settings import End
+from tapewire.sim.binary_operation import binary_operation
 from tapewire.sim.machine import Control
 from tapewire.sim.pair import Pair, Side
 from tapewire.sim.transcript import KEPT_LINES, Transcript
@@ -109,6 +110,7 @@ class World:
             faults=line if plan.line_faults else None,
         )
         program = BytesIO()
+        operator.setdefault("binary", binary_operation(entry.binary_input(cnc_params)))
         control = Control(cnc, sink or program, eob=entry.text(cnc_params).eob, **operator)
         pair = Pair(
             entry=entry,
