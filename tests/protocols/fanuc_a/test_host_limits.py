@@ -130,7 +130,7 @@ class TestHeldLimit:
     """A feed hold has no end of its own; a person may set one."""
 
     def held(self, **settings: str) -> Bench:
-        bench = Bench(**settings)
+        bench = Bench(False, **settings)
         bench.power_on()
         bench.arm()
         bench.host.receive_signals(SignalsIn(), bench.now)
@@ -218,7 +218,7 @@ class TestConversion:
 
     def test_the_engine_refuses_it_too(self) -> None:
         with pytest.raises(UsageError, match="G05 section"):
-            Bench(**CONVERT).arm(G05)
+            Bench(False, **CONVERT).arm(G05)
 
     @pytest.mark.parametrize("expansion", [False, True])
     def test_nothing_of_a_later_section_is_sent(self, expansion: bool) -> None:
