@@ -20,7 +20,7 @@ CLOCK_FREE = (
     # The half of the line that a simulated cable and a real port have in common.
     *("tapewire.line.transport", "tapewire.line.link", "tapewire.line.pacing"),
     *("tapewire.line.simulated", "tapewire.line.faults", "tapewire.line.paths", "tapewire.line.reception"),
-    *("tapewire.line.closed_loop", "tapewire.line.lateness"),
+    *("tapewire.line.closed_loop", "tapewire.line.lateness", "tapewire.line.faulty"),
     *("tapewire.line.capture", "tapewire.line.capture_reader", "tapewire.line.capture_tap"),
 )
 # Records of the domain may hold dates; nothing in them runs.

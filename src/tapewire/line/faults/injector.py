@@ -202,6 +202,11 @@ class Injector:
     # characters
 
     @property
+    def pulled(self) -> bool:
+        """Nothing passes now."""
+        return self._pulled > 0
+
+    @property
     def spared(self) -> int:
         """How many characters pass before the next one that a fault hits."""
         return min((rule.due for rule in self._rules), default=NEVER) - self.seen
