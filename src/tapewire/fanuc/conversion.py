@@ -13,7 +13,9 @@ from typing import Final
 
 from tapewire.codes import EIA_SIGNS, NUL, DataCode, EiaSigns, first_outside, name_of, table_of
 from tapewire.errors import ProgramError, UsageError
-from tapewire.fanuc.tape import CHUNK_BYTES, MAX_BLOCK_BYTES, PunchReader, Read, Write, find_g05
+from tapewire.fanuc.punch import PunchReader
+from tapewire.fanuc.tape import CHUNK_BYTES, MAX_BLOCK_BYTES, Read, Write
+from tapewire.g05.sections import find_g05
 
 __all__ = ["Conversion", "EobForm", "convert", "read_text"]
 

@@ -87,7 +87,7 @@ class FanucACnc:
     def __init__(self, params: Params) -> None:
         self._params = params
         self._events = Events()
-        self._job = Job(self._events, params.data)
+        self._job = Job(self._events, params.data, params.g05.record_bytes)
         self._line = Dialogue(params, self._job, self._events)
         self._powered = False
         self._signals_in = SignalsIn()

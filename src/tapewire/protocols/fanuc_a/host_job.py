@@ -31,7 +31,7 @@ class Job:
         self._source = source
         self._ahead = bytearray()
         self._exhausted = False
-        self._tape = TapeScanner(params.data)
+        self._tape = TapeScanner(params.data, params.g05.record_bytes)
         self._scrutiny = Scrutiny(params)
         self.taken = 0
         self.refusal = ""

@@ -10,6 +10,8 @@ from typing import Any
 
 from tapewire.codes import EOR_CODES, DataCode
 from tapewire.errors import UsageError
+from tapewire.g05.layout import BinaryInput
+from tapewire.protocols.binary_input import binary_input
 from tapewire.protocols.fanuc_a.messages import LONGEST_DAT, Coding, EndCode, MessageCode
 from tapewire.protocols.fanuc_a.packets import MonitorCode, MonitorSum
 from tapewire.protocols.fanuc_a.status import LIMITS, TENTHS_OF_SECONDS, Filler, Parameters
@@ -192,6 +194,7 @@ class Params:
     )
     end: EndCode = setting(EndCode.CR, "End code of the messages: 5000#3 = 0 is CR, 1 is ETX.")
     data: DataCode = setting(DataCode.ASCII, "The code of the program's characters (0000#2).")
+    g05: BinaryInput = binary_input()
     n: PacketLength = setting(
         PacketLength.AUTO,
         "Data bytes of a packet / 256; 0 is protocol A. auto: 0 for fanuc-a, 4 for fanuc-a-expansion, 0 for a control, "

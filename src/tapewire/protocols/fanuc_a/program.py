@@ -1,4 +1,4 @@
-"""What these protocols cannot carry (4.1, 4.4.2, 5.2, 8.2): seen before the line is opened, or on the way."""
+"""What these protocols cannot carry (4.1, 4.4.2, 5.2, 8.2, 9.1): seen before the line is opened, or on the way."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Final
 
 from tapewire.codes import TABLES, DataCode
 from tapewire.errors import ProgramError
-from tapewire.fanuc.tape import TapeScanner, find_g05
+from tapewire.fanuc.tape import TapeScanner
+from tapewire.g05.sections import SectionScan, find_g05
 from tapewire.protocols.fanuc_a.params import Params
 
 __all__ = ["EMPTY", "Scrutiny", "refuse_program"]
@@ -32,12 +33,15 @@ class Scrutiny:
         self._to_text = _to_text(params)
         self._block = b""
         self._offset = 0
-        self._tape = TapeScanner(params.data)
+        self._tape = TapeScanner(params.data, params.g05.record_bytes)
+        self._sections = SectionScan(TABLES[params.data].to_ascii, params.g05.record_bytes)
+        self._records_are_known = params.g05.layout is not None
         self._packet = 256 * params.packet_n
 
     def look(self, data: bytes) -> str:
         """Why the program cannot be sent from somewhere in `data` on; empty while it can."""
-        why = self._end_code(data) or self._binary_section(data)
+        self._sections.feed(data)
+        why = self._general_format() or self._end_code(data) or self._binary_section(data)
         self._tape.feed(data)
         self._offset += len(data)
         return why
@@ -46,6 +50,9 @@ class Scrutiny:
         """The same for its end."""
         if not self._offset:
             return EMPTY
+        self._sections.feed(b"")
+        if why := self._general_format():
+            return why
         if self._packet and not self._tape.ended and self._offset % self._packet:
             return (
                 f"no EOR, and {self._offset:,} bytes do not fill packets of {self._packet}: the control would take the "
@@ -61,6 +68,24 @@ class Scrutiny:
         return (
             f"byte {self._offset + at + 1:,} is {self._end[0]:02X}h, the end code of every message: remove it, or "
             "change the end code (5000#3) or the code (5000#2) of control and host"
+            + (
+                "; a G05 section is encoded in the special format, which never holds it"
+                if self._sections.inside
+                else ""
+            )
+        )
+
+    def _general_format(self) -> str:
+        """9.1 (5) note: protocol A takes the special format only. In expansion A a byte may look like EOR to us."""
+        size = self._sections.general_bytes
+        if size is None or (self._packet and self._records_are_known):
+            return ""
+        what = f"a G05 section with records of {size} bytes is in the general format"
+        if not self._packet:
+            return f"{what}: protocol A carries the special one only (7609#2 = 0); encode it anew"
+        return (
+            f"{what}, in which any byte may look like EOR: say how its records are made, with --set "
+            f"g05={(size - 1) // 2},general or, if they carry auxiliary functions, their axes and aux"
         )
 
     def _binary_section(self, data: bytes) -> str:
