@@ -41,7 +41,8 @@ def learn(
 ) -> int:
     """Find out at a real control what it says, step by step with a person there, and store it in FILE as a profile.
 
-    Drives off or axes locked. It sends programs that move nothing. Each step waits five minutes for the control.
+    Drives off or axes locked. It sends programs that move nothing. Each step waits five minutes for the control. The
+    profile needs no other --set.
     """
     settings = settings_of(words, profile, "bridgeport", End.HOST)
     job = settings_for(
