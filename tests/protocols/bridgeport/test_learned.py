@@ -32,7 +32,7 @@ ODD: list[dict[str, str]] = [
 
 @pytest.mark.parametrize("odd", ODD, ids=lambda odd: " ".join(f"{key}={word}" for key, word in odd.items()))
 def test_the_profile_of_a_session_is_enough_for_that_control(odd: dict[str, str]) -> None:
-    shift = Shift(**odd).run()
+    shift = Shift(settings=odd).run()
     assert shift.end is not None
     assert shift.end.outcome is Outcome.COMPLETE, shift.told
     profile = Profile.loads(shift.learner.profile("mill 3").dumps())
@@ -57,14 +57,15 @@ def works(host: dict[str, str], control: dict[str, str]) -> None:
 
 def test_a_person_who_does_not_look_at_the_display_gets_the_likeliest_end() -> None:
     """A control that cancels what it has not taken needs no person; one that does not is taken at its silence."""
-    silent = Shift(patience_s=1000, text_end="03", rec_end_last="04", save_trailer="04").run()
+    etx = {"text_end": "03", "rec_end_last": "04", "save_trailer": "04"}
+    silent = Shift(settings=etx, patience_s=1000).run()
     assert silent.learner.seen["text_end"] == "04"
-    cancels = Shift(patience_s=1000, dnc_end="etx_last").run()
+    cancels = Shift(settings={"dnc_end": "etx_last"}, patience_s=1000).run()
     assert cancels.learner.seen["dnc_end"] == "etx_last"
 
 
 def test_what_was_given_stays_in_the_profile_unless_something_else_was_seen() -> None:
-    shift = Shift(("-1",), parity="software", read_request="0E").run()
+    shift = Shift(("-1",), {"parity": "software", "read_request": "0E"}).run()
     profile = shift.learner.profile("mill 3")
     assert (profile.settings["parity"], profile.settings["read_request"]) == ("software", "0E")
     assert "parity" not in profile.confidence

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from io import BytesIO
 
@@ -32,7 +33,10 @@ class Shift:
     What the control has not taken after `patience_s` the operator cancels.
     """
 
-    def __init__(self, does: tuple[str, ...] = STEPS, *, patience_s: float = 15, **settings: str) -> None:
+    def __init__(
+        self, does: tuple[str, ...] = STEPS, settings: Mapping[str, str] | None = None, *, patience_s: float = 15
+    ) -> None:
+        settings = settings or {}
         shared = {key: word for key, word in settings.items() if key == "parity"}
         self.learner = Learner(Params.for_bridgeport(shared, End.HOST), shared)
         self.near, self.far = simulated_cable(9600, EndSettings(window=2), EndSettings(window=2, fifo=2))
@@ -102,7 +106,7 @@ class Shift:
 
 
 def learned(does: tuple[str, ...] = STEPS, **settings: str) -> dict[str, str]:
-    shift = Shift(does, **settings).run()
+    shift = Shift(does, settings).run()
     assert shift.end is not None
     assert shift.end.outcome is Outcome.COMPLETE, shift.told
     return dict(shift.learner.seen)

@@ -353,8 +353,9 @@ class BridgeportHost(Job):
             self._held = self._just_ended(now)
             self._ignore(Heard.XOFF, character)
             return
+        was_damaged = self._timers.running(Timer.DAMAGED)
         self._timers.stop(Timer.DAMAGED)
-        if self._held:
+        if self._held and not was_damaged:
             return
         self._held = True
         if self._state is not State.TAIL or self._more_to_send:

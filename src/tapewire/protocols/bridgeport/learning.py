@@ -109,7 +109,8 @@ class Learner:
         else:
             self._pending, self._held = b"", False
             self._timers.stop(_Timer.LIMIT)
-            if not (is_code(character) and self._heard.endswith(bytes([character]))):
+            again = is_code(character) and self._heard.endswith(bytes([character]))
+            if not again and len(self._heard) < MOST_HEARD:
                 # A control that says its code again and again has finished.
                 self._timers.start(_Timer.QUIET, now + self._listen.quiet)
         if len(self._heard) < MOST_HEARD:

@@ -317,7 +317,7 @@ class Steps:
 
 def _codes(said: bytes) -> bytes:
     """The control codes in what was said."""
-    return bytes(filter(is_code, said))
+    return bytes(byte for byte in said if is_code(byte))
 
 
 def is_code(character: int) -> bool:
