@@ -22,6 +22,8 @@ _COMMANDS: Final = {
     "receive": "tapewire.cli.receive",
     "cnc": "tapewire.cli.cnc",
     "bridgeport": "tapewire.cli.bridgeport",
+    "ports": "tapewire.cli.ports",
+    "convert": "tapewire.cli.convert",
     "fanuc": "tapewire.cli.fanuc",
 }
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tapewire.cli.common import line_options_of_one_protocol, run_job, settings_of
+from tapewire.cli.common import capture_of, line_options_of_one_protocol, run_job, settings_of
 from tapewire.cli.output import Output
 from tapewire.protocols.settings import End
 from tapewire.transfer.learning import ProfileFile, learn_profile
@@ -35,6 +35,8 @@ def learn(
     words: tuple[str, ...],
     timeout: float | None,
     profile: Path | None,
+    capture: Path | None,
+    capture_size: int,
     as_json: bool,
     control: str,
     force: bool,
@@ -53,6 +55,7 @@ def learn(
         stopbits=stopbits,
         settings=settings,
         timeout_s=timeout,
+        capture=capture_of(capture, capture_size),
     )
     place = ProfileFile(file, f"Seen at {control}", force=force)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from tapewire.cli.common import Number, line_options, run_job, settings_of
+from tapewire.cli.common import Number, capture_of, line_options, run_job, settings_of
 from tapewire.cli.output import Output
 from tapewire.errors import UsageError
 from tapewire.protocols.bridgeport.messages import Mode
@@ -55,6 +55,8 @@ def cnc(
     words: tuple[str, ...],
     timeout: float | None,
     profile: Path | None,
+    capture: Path | None,
+    capture_size: int,
     as_json: bool,
     operation: str,
     program: str | None,
@@ -78,6 +80,7 @@ def cnc(
         stopbits=stopbits,
         settings=settings,
         timeout_s=timeout,
+        capture=capture_of(capture, capture_size),
     )
     task = ControlTask(
         operation=Operation(operation),

@@ -17,6 +17,7 @@ import click
 from tapewire.cli.output import JsonLines, Output, PeopleLines, Presenter
 from tapewire.engine import Outcome
 from tapewire.errors import UsageError
+from tapewire.line.capture_file import DEFAULT_SIZE, MEGABYTE, CaptureSettings
 from tapewire.protocols import PROTOCOLS
 from tapewire.protocols.bridgeport.profile import Profile
 from tapewire.protocols.settings import End
@@ -28,6 +29,7 @@ __all__ = [
     "INTERRUPTED",
     "NOT_COMPLETE",
     "Number",
+    "capture_of",
     "line_options",
     "line_options_of_one_protocol",
     "parse_words",
@@ -68,7 +70,7 @@ _LINE: Final = (
         "--line",
         required=True,
         metavar="LINE",
-        help="A tty path, socket://HOST:PORT, listen://HOST:PORT, or pty:PATH.",
+        help="A tty path, socket://, listen://, rfc2217:// or rfc2217+listen://HOST:PORT, or pty:PATH.",
     ),
 )
 _PROTOCOL: Final = click.option("--protocol", required=True, metavar="NAME", help=f"One of {', '.join(PROTOCOLS)}.")
@@ -93,6 +95,20 @@ _REST: Final = (
         type=click.Path(path_type=Path),
         metavar="FILE",
         help="bridgeport: a code table, and more settings, from a file; --set comes after it.",
+    ),
+    click.option(
+        "--capture",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        help="Put all that is said on the line on record in FILE, as pcapng for Wireshark and tapewire decode.",
+    ),
+    click.option(
+        "--capture-size",
+        type=click.IntRange(1, 1_000_000),
+        default=DEFAULT_SIZE // MEGABYTE,
+        show_default=True,
+        metavar="MB",
+        help="What captures of this name may take up; the oldest goes first.",
     ),
     click.option("--json", "as_json", is_flag=True, help="One JSON object a line on stdout."),
 )
@@ -125,6 +141,11 @@ def parse_words(words: tuple[str, ...]) -> dict[str, str]:
             raise UsageError(f"--set {key} is given twice, as {settings[key]} and as {value}: say which one is meant")
         settings[key] = value
     return settings
+
+
+def capture_of(capture: Path | None, size_mb: int) -> CaptureSettings | None:
+    """Where the capture goes; None where none was asked for."""
+    return None if capture is None else CaptureSettings(path=capture, size=size_mb * MEGABYTE)
 
 
 def settings_of(words: tuple[str, ...], profile: Path | None, protocol: str, end: End) -> dict[str, str]:

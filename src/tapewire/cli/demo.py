@@ -12,6 +12,7 @@ import click
 from tapewire.cli.common import COMPLETE, INTERRUPTED, NOT_COMPLETE, Number, stop_on_signals
 from tapewire.cli.demo_view import DemoView
 from tapewire.engine import Nanos, Outcome
+from tapewire.line.capture_file import CaptureSettings
 from tapewire.protocols.settings import End
 from tapewire.transfer.control import ControlTask, run_control
 from tapewire.transfer.example import example_program
@@ -35,11 +36,18 @@ __all__ = ["demo"]
     show_default=True,
     help="Execution speed of the control; slower than the line, so that it stops the host again and again.",
 )
-def demo(protocol: str, baud: int | None, blocks_per_second: float) -> int:
+@click.option(
+    "--capture",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Put the host's end of the line on record in FILE.",
+)
+def demo(protocol: str, baud: int | None, blocks_per_second: float, capture: Path | None) -> int:
     """Feed an example program of 245 KB to a simulated control and watch both ends of the line."""
     with tempfile.TemporaryDirectory(prefix="tapewire-demo-") as folder:
         port = str(Path(folder) / "control")
-        host = settings_for(End.HOST, port, protocol, settings={}, baud=baud)
+        kept = None if capture is None else CaptureSettings(path=capture)
+        host = settings_for(End.HOST, port, protocol, settings={}, baud=baud, capture=kept)
         cnc = settings_for(End.CONTROL, f"pty:{port}", protocol, settings={}, baud=baud)
         program = Program.from_file(example_program())
         view = DemoView(program, host)

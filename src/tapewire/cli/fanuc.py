@@ -8,9 +8,13 @@ from typing import Final
 import click
 
 from tapewire.cli.common import COMPLETE, NOT_COMPLETE, Number
+from tapewire.cli.convert import ASSIGN, SOURCE, source_of
+from tapewire.codes import EiaSigns
 from tapewire.errors import UsageError
 from tapewire.fanuc.alarms import BEGIN_AGAIN, AlarmRecord, alarm_named
+from tapewire.fanuc.diagnosis import Case, Seen, diagnose
 from tapewire.fanuc.host_settings import HostSettings, host_settings
+from tapewire.fanuc.leds import Red, read_leds
 from tapewire.fanuc.parameter_check import Weight
 from tapewire.fanuc.parameter_file import (
     LONGEST_FILE_BYTES,
@@ -20,6 +24,9 @@ from tapewire.fanuc.parameter_file import (
     write_toml,
 )
 from tapewire.fanuc.parameters import CATALOGUE, Interface, ParameterSet, PowerRule
+from tapewire.fanuc.tv_check import Comments
+from tapewire.transfer.converting import TapeReport, inspect_tape
+from tapewire.transfer.recordings import heard_in
 
 __all__ = ["fanuc"]
 
@@ -151,3 +158,83 @@ def _alarm_text(record: AlarmRecord) -> list[str]:
         "What to do:",
         *(f"{_INDENT}{place}. {remedy}" for place, remedy in enumerate((*record.remedies, BEGIN_AGAIN), 1)),
     ]
+
+
+@fanuc.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@SOURCE
+@ASSIGN
+@click.option("--tv", is_flag=True, help="Check that every block has an even number of characters (0000#0 = 1).")
+@click.option("--no-comments", is_flag=True, help="With --tv: comments do not count (0000#1 = 1).")
+def tape(file: Path, source: str, words: tuple[str, ...], tv: bool, no_comments: bool) -> int:
+    """Say what the program in FILE is to a control: its code, label, programs and end; whether it passes a TV check."""
+    if no_comments and not tv:
+        raise UsageError("--no-comments says how to count in a TV check: say --tv too")
+    comments = Comments.NOT_COUNTED if no_comments else Comments.COUNTED
+    report = inspect_tape(
+        file, source=source_of(source), comments=comments if tv else None, signs=EiaSigns.parse(words)
+    )
+    click.echo("\n".join(_tape_text(report)))
+    return NOT_COMPLETE if report.failures else COMPLETE
+
+
+def _tape_text(report: TapeReport) -> list[str]:
+    headers = report.headers
+    code = report.recognition.code
+    end = "no EOR: a control waits for more" if headers.eor_line is None else f"EOR on line {headers.eor_line:,}"
+    return [
+        f"code: {code.upper() if code else 'unknown'} ({report.recognition.why})",
+        f"label: {headers.label!r}" if headers.label else "label: none",
+        *(f"program: {program}, line {program.line:,}" for program in headers.programs),
+        f"blocks: {report.blocks:,}; {end}",
+        *map(str, report.failures),
+    ]
+
+
+@fanuc.command("diagnose")
+@click.option("--params", type=click.Path(path_type=Path), help="The control's parameters, as for host-settings.")
+@click.option("--green", metavar="LED1,LED2", help="The two green LEDs: on, off, flashing, or alternating.")
+@click.option("--red", type=click.IntRange(0, 3), default=0, help="The red LED that is on; 0 for none.")
+@click.option("--read-pointer", metavar="HEX", help="The long at 4n810500.")
+@click.option("--write-pointer", metavar="HEX", help="The long at 4n810504.")
+@click.option("--alarm", "number", metavar="NUMBER", help="The alarm on the screen.")
+@click.option("--capture", type=click.Path(path_type=Path), metavar="FILE", help="A capture of the line.")
+def diagnose_command(
+    params: Path | None,
+    green: str | None,
+    red: int,
+    read_pointer: str | None,
+    write_pointer: str | None,
+    number: str | None,
+    capture: Path | None,
+) -> int:
+    """Find out why an operation does not start or does not go on, by the maker's own procedure (12.2).
+
+    Say what is known; it says which case that is, or what to look at next. The exit status is 1 while the case is open.
+    """
+    seen = Seen(
+        parameters=_parameters_of(params).parameters if params else None,
+        green=read_leds(green) if green else (),
+        red=Red(red),
+        pointers=_pointers(read_pointer, write_pointer),
+        alarm=alarm_named(number).number if number else None,
+        recording=heard_in(capture) if capture else (),
+    )
+    diagnosis = diagnose(seen)
+    for step in diagnosis.steps:
+        click.echo(f"- {step}")
+    click.echo(f"case: {diagnosis.case.value}")
+    for place, remedy in enumerate(diagnosis.remedies, 1):
+        click.echo(f"{_INDENT}{place}. {remedy}")
+    return NOT_COMPLETE if diagnosis.case is Case.UNKNOWN else COMPLETE
+
+
+def _pointers(read_pointer: str | None, write_pointer: str | None) -> tuple[int, int] | None:
+    if read_pointer is None and write_pointer is None:
+        return None
+    if read_pointer is None or write_pointer is None:
+        raise UsageError("--read-pointer and --write-pointer say something only together")
+    try:
+        return int(read_pointer, 16), int(write_pointer, 16)
+    except ValueError:
+        raise UsageError(f"{read_pointer}, {write_pointer}: hexadecimal numbers are expected") from None

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tapewire.cli.common import line_options, run_job, settings_of
+from tapewire.cli.common import capture_of, line_options, run_job, settings_of
 from tapewire.cli.output import Output
 from tapewire.errors import UsageError
 from tapewire.protocols.settings import End
@@ -40,6 +40,8 @@ def receive(
     words: tuple[str, ...],
     timeout: float | None,
     profile: Path | None,
+    capture: Path | None,
+    capture_size: int,
     as_json: bool,
     program_dir: Path | None,
     raw: bool,
@@ -55,6 +57,7 @@ def receive(
         stopbits=stopbits,
         settings=settings,
         timeout_s=timeout,
+        capture=capture_of(capture, capture_size),
     )
     if program_dir is not None:
         return _by_number(file, program_dir, job, as_json, raw, force)

@@ -9,7 +9,7 @@ from typing import Final
 
 import click
 
-from tapewire.cli.common import line_options, run_job, settings_of
+from tapewire.cli.common import capture_of, line_options, run_job, settings_of
 from tapewire.cli.output import Output
 from tapewire.errors import UsageError
 from tapewire.protocols.settings import End
@@ -44,6 +44,8 @@ def send(
     words: tuple[str, ...],
     timeout: float | None,
     profile: Path | None,
+    capture: Path | None,
+    capture_size: int,
     as_json: bool,
     program_dir: Path | None,
     raw: bool,
@@ -58,6 +60,7 @@ def send(
         stopbits=stopbits,
         settings=settings,
         timeout_s=timeout,
+        capture=capture_of(capture, capture_size),
     )
     if program_dir is not None:
         return _by_number(file, program_dir, job, as_json, raw)

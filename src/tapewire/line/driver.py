@@ -9,8 +9,8 @@ from typing import Final
 
 from tapewire.engine import MICROSECOND, Nanos
 from tapewire.line.alarm import Alarm
-from tapewire.line.descriptor import DescriptorLine
 from tapewire.line.link import Link
+from tapewire.line.transport import watched_of
 
 __all__ = ["LineDriver", "monotonic"]
 
@@ -80,8 +80,7 @@ class LineDriver:
         self._woken.set()
 
     def _watch(self) -> None:
-        transport = self.link.transport
-        watched = transport.watched if isinstance(transport, DescriptorLine) and not self.link.closed else None
+        watched = None if self.link.closed else watched_of(self.link.transport)
         if watched != self._watched:
             self._unwatch()
             if watched is not None:

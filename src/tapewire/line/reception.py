@@ -17,6 +17,7 @@ from typing import TypeAlias
 
 from tapewire.engine import Nanos, SignalsIn
 from tapewire.line.faults.characters import Late
+from tapewire.line.faults.damage import Parity, truncated
 from tapewire.line.faults.injector import Injector
 from tapewire.line.paths import PathKind
 from tapewire.line.transport import Closed, Fault, LineItem
@@ -27,6 +28,12 @@ Mark: TypeAlias = tuple[Nanos, SignalsIn | Closed | Fault]
 """Something that is no plain character, and its moment."""
 
 _moment = itemgetter(0)
+
+
+def _sooner(one: Nanos | None, other: Nanos | None) -> Nanos | None:
+    if one is None or (other is not None and other < one):
+        return other
+    return one
 
 
 @dataclass(slots=True)
@@ -46,7 +53,13 @@ class Segment:
 
     @property
     def next(self) -> Nanos:
+        """When the first that is not taken comes."""
         return self.first + self.taken * self.step
+
+    @property
+    def last(self) -> Nanos:
+        """When the last one comes."""
+        return self.first + (len(self.data) - 1) * self.step
 
 
 class Reception:
@@ -62,6 +75,10 @@ class Reception:
         self._arrived = self._wire if injector is None else deque()
         """Characters behind the faults. Where there are none, both are the same."""
         self._marks = self._wire_marks if injector is None else []
+        self._is_bare = injector is None and not (path.poll or path.latency or path.timeout_characters)
+        """What has arrived has been told."""
+        self._signals: SignalsIn | None = None
+        """What this end was told of the control lines."""
         self._late_until: Nanos = 0
         """Before this moment nothing arrives any more that has not."""
 
@@ -85,12 +102,48 @@ class Reception:
             self._wire.pop()
             count -= waiting
 
+    def cut(self, moment: Nanos, bits: int, parity: Parity) -> None:
+        """The other end lost its power, which shows here at `moment`: what has not arrived never does, but for what
+        is read of the character of `bits` bits that was under way.
+        """
+        under_way = None
+        while self._wire and self._wire[-1].last > moment:
+            segment = self._wire.pop()
+            arrived = segment.arrived(moment) if segment.first <= moment else 0
+            begun = segment.first + arrived * segment.step - segment.step
+            if begun < moment:
+                under_way = truncated(segment.data[arrived], (moment - begun) * bits // segment.step, parity)
+                ends = begun + segment.step
+            if arrived > segment.taken:
+                segment.data = segment.data[:arrived]
+                self._wire.append(segment)
+        match under_way:
+            case bytes(byte):
+                self.put(ends, byte, ends - moment)
+            case Fault():
+                self.mark(ends, under_way)
+
+    def forget(self, now: Nanos) -> None:
+        """What has arrived by `now` is lost, told or not; the control lines are told again as they are."""
+        if self._injector is not None:
+            self._cross(now, self._injector)
+        self._collect([], now, None)
+        gone = [mark for moment, mark in self._marks if moment <= now]
+        self._marks[: len(gone)] = []
+        for mark in gone:
+            if isinstance(mark, SignalsIn):
+                self._signals = mark
+        last = gone[-1] if gone else None
+        again: list[SignalsIn | Closed] = [] if self._signals is None else [self._signals]
+        again += [last] if isinstance(last, Closed) else []
+        self._marks[:0] = [(now, mark) for mark in again]
+
     def on_the_wire(self, now: Nanos) -> int:
         """Characters that have not arrived by `now`."""
         return sum(
             len(segment.data) - (segment.arrived(now) if segment.first <= now else 0)
             for segment in self._wire
-            if segment.first + (len(segment.data) - 1) * segment.step > now
+            if segment.last > now
         )
 
     # what this end sees
@@ -100,12 +153,17 @@ class Reception:
         if self._injector is not None:
             self._cross(now, self._injector)
         items: list[LineItem] = []
-        until = self._visible(now)
         marks = self._marks
+        if self._is_bare and not (marks and marks[0][0] <= now):
+            self._collect(items, now, None)
+            return items
+        until = self._visible(now)
         while marks and marks[0][0] <= until:
             at, mark = marks.pop(0)
             # A damaged character makes a UART tell at once, with all before it.
             self._collect(items, at, self._told(at) if isinstance(mark, SignalsIn) else None)
+            if isinstance(mark, SignalsIn):
+                self._signals = mark
             items.append(mark)
         if self._arrived:
             self._collect(items, until, self._told(until))
@@ -113,17 +171,24 @@ class Reception:
 
     def next_deadline(self) -> Nanos | None:
         """When this end is told of something."""
-        moments = []
+        if self._is_bare:
+            marked = self._marks[0][0] if self._marks else None
+            if not self._wire:
+                return marked
+            segment = self._wire[0]
+            told = segment.first + (min(segment.taken + self._path.trigger, len(segment.data)) - 1) * segment.step
+            return told if marked is None or told < marked else marked
+        nearest = self._told_at(self._next_told()) if self._arrived or self._wire else None
         if self._marks:
-            moments.append(self._told_at(self._marks[0][0]))
-        if self._arrived or self._wire:
-            moments.append(self._told_at(self._next_told()))
-        if self._injector is not None:
+            nearest = _sooner(nearest, self._told_at(self._marks[0][0]))
+        injector = self._injector
+        if injector is not None:
             if self._wire_marks:
-                moments.append(self._wire_marks[0][0])
-            if self._injector.next_moment is not None:
-                moments.append(self._injector.next_moment)
-        return min(moments, default=None)
+                nearest = _sooner(nearest, self._wire_marks[0][0])
+            nearest = _sooner(nearest, injector.next_moment)
+            if self._wire and self._path.trigger > 1:
+                nearest = _sooner(nearest, self._next_hit(injector.spared))
+        return nearest
 
     def _visible(self, now: Nanos) -> Nanos:
         """What has arrived by this moment can be seen at `now`."""
@@ -141,18 +206,20 @@ class Reception:
         pieces = []
         arrived = self._arrived
         while arrived and (segment := arrived[0]).first <= until:
+            start, data = segment.taken, segment.data
             end = segment.arrived(until)
             if limit is not None:
-                end = min(end, segment.taken + limit)
-                limit -= end - segment.taken
-            pieces.append(segment.data[segment.taken : end])
+                end = min(end, start + limit)
+                limit -= end - start
             segment.taken = end
-            if end < len(segment.data):
+            if end < len(data):
+                if end > start:
+                    pieces.append(data[start:end])
                 break
+            pieces.append(data[start:] if start else data)
             arrived.popleft()
-        data = b"".join(pieces)
-        if data:
-            items.append(data)
+        if pieces:
+            items.append(pieces[0] if len(pieces) == 1 else b"".join(pieces))
 
     def _told(self, until: Nanos) -> int | None:
         """How many of the characters that wait in the receive FIFO this end has been told of; None: of all."""
@@ -185,8 +252,17 @@ class Reception:
             if waiting + count >= trigger:
                 return segment.next + (trigger - waiting - 1) * segment.step
             waiting += count
-            last = segment.first + (len(segment.data) - 1) * segment.step
+            last = segment.last
         return last + timeout
+
+    def _next_hit(self, spared: int) -> Nanos | None:
+        """When the character behind the next `spared` ones arrives, which may come damaged; None: not on its way."""
+        for segment in self._wire:
+            count = len(segment.data) - segment.taken
+            if spared < count:
+                return segment.next + spared * segment.step
+            spared -= count
+        return None
 
     def _pending(self) -> Iterable[Segment]:
         return self._wire if self._injector is None else chain(self._arrived, self._wire)
@@ -197,6 +273,9 @@ class Reception:
         """Let everything up to `until` cross the wire, each fault at its moment."""
         marks = self._wire_marks
         while True:
+            wire = self._wire
+            if not marks and (not wire or wire[0].next > until) and not injector.is_due(until):
+                return
             fault_at, mark_at = injector.next_moment, marks[0][0] if marks else None
             if mark_at is not None and mark_at <= until and (fault_at is None or mark_at <= fault_at):
                 self._cross_characters(mark_at, injector)
@@ -221,6 +300,10 @@ class Reception:
         wire = self._wire
         while wire and (segment := wire[0]).next <= until:
             end = segment.arrived(until)
+            is_whole = end == len(segment.data) and not segment.taken and segment.first >= self._late_until
+            if is_whole and injector.passes(end):
+                self._arrived.append(wire.popleft())
+                continue
             first, data = segment.next, segment.data[segment.taken : end]
             segment.taken = end
             if end == len(segment.data):

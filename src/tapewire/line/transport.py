@@ -12,7 +12,7 @@ from typing import Protocol, TypeAlias
 
 from tapewire.engine import Closure, LineFault, Nanos, SignalsIn, SignalsOut
 
-__all__ = ["Closed", "Fault", "LineItem", "StopDistance", "Transport"]
+__all__ = ["Closed", "Fault", "LineItem", "StopDistance", "Transport", "watched_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,3 +89,11 @@ class Transport(Protocol):
     def close(self, now: Nanos) -> None:
         """Let go of the line. Harmless when done twice."""
         ...
+
+
+def watched_of(transport: Transport) -> int | None:
+    """The descriptor whose readiness means that `read` has something; None while there is none to wait on, as always
+    on a line in memory. A line around another passes on what that one says.
+    """
+    watched: int | None = getattr(transport, "watched", None)
+    return watched

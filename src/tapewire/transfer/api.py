@@ -3,6 +3,7 @@
 All three take the line as LINE (a tty path, socket://HOST:PORT, listen://HOST:PORT, pty:PATH), the protocol by its
 name, and the protocol's settings as the words of `--set`. They return a Result however the job ends, and raise
 UsageError before anything is opened, LineError when the line cannot be. Set `stop` to give a job up in an orderly way.
+All that is said on the line goes on record in `capture`, where one is named.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import asyncio
 from collections.abc import Mapping
 from pathlib import Path
 
+from tapewire.line.capture_file import CaptureSettings
 from tapewire.protocols.settings import End
 from tapewire.transfer import control, receiving, sending
 from tapewire.transfer.control import ControlTask
@@ -31,11 +33,12 @@ async def send(
     settings: Mapping[str, str] | None = None,
     raw: bool = False,
     timeout_s: float | None = None,
+    capture: str | Path | None = None,
     observer: Observer = nothing,
     stop: asyncio.Event | None = None,
 ) -> Result:
     """Give the program in `file` to one control when it asks for it; `raw` sends its bytes untouched."""
-    job = _job(End.HOST, line, protocol, baud, stopbits, settings, timeout_s, observer, stop)
+    job = _job(End.HOST, line, protocol, baud, stopbits, settings, timeout_s, capture, observer, stop)
     program = Program.from_file(file, job.protocol.text(job.params), raw=raw)
     try:
         return await sending.send_program(program, job)
@@ -54,11 +57,12 @@ async def receive(
     raw: bool = False,
     force: bool = False,
     timeout_s: float | None = None,
+    capture: str | Path | None = None,
     observer: Observer = nothing,
     stop: asyncio.Event | None = None,
 ) -> Result:
     """Store what one control punches out next in `file`; `force` replaces an existing one."""
-    job = _job(End.HOST, line, protocol, baud, stopbits, settings, timeout_s, observer, stop)
+    job = _job(End.HOST, line, protocol, baud, stopbits, settings, timeout_s, capture, observer, stop)
     return await receiving.receive_program(Path(file), job, raw=raw, force=force)
 
 
@@ -71,11 +75,12 @@ async def run_control(
     stopbits: int | None = None,
     settings: Mapping[str, str] | None = None,
     timeout_s: float | None = None,
+    capture: str | Path | None = None,
     observer: Observer = nothing,
     stop: asyncio.Event | None = None,
 ) -> Result:
     """Be a simulated control for one operation; without a `task` it executes a program as it comes in."""
-    job = _job(End.CONTROL, line, protocol, baud, stopbits, settings, timeout_s, observer, stop)
+    job = _job(End.CONTROL, line, protocol, baud, stopbits, settings, timeout_s, capture, observer, stop)
     return await control.run_control(task or ControlTask(), job)
 
 
@@ -87,8 +92,18 @@ def _job(
     stopbits: int | None,
     settings: Mapping[str, str] | None,
     timeout_s: float | None,
+    capture: str | Path | None,
     observer: Observer,
     stop: asyncio.Event | None,
 ) -> JobSettings:
-    job = settings_for(end, line, protocol, baud=baud, stopbits=stopbits, settings=settings or {}, timeout_s=timeout_s)
+    job = settings_for(
+        end,
+        line,
+        protocol,
+        baud=baud,
+        stopbits=stopbits,
+        settings=settings or {},
+        timeout_s=timeout_s,
+        capture=None if capture is None else CaptureSettings(path=Path(capture)),
+    )
     return job.observed_by(observer, stop or asyncio.Event())

@@ -9,6 +9,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from tapewire.engine import SECOND, Closure, Ended, Engine, Event, Held, Nanos, Notice, Outcome, Resumed
+from tapewire.line.capture import Origin, Side
+from tapewire.line.capture_file import CaptureSettings
+from tapewire.line.descriptor import LineSettings
 from tapewire.line.driver import LineDriver, monotonic
 from tapewire.line.link import Application, Link
 from tapewire.line.open import LineAddress, open_line, parse_line
@@ -16,6 +19,7 @@ from tapewire.line.pacing import character_time, default_window
 from tapewire.line.transport import Transport
 from tapewire.protocols import ProtocolEntry, protocol
 from tapewire.protocols.settings import End
+from tapewire.transfer.capturing import JobCapture
 from tapewire.transfer.meter import Meter
 from tapewire.transfer.reports import Observer, Progress, Ready, nothing
 
@@ -39,6 +43,9 @@ class JobSettings:
     stopbits: int = 1
     data_bits: int = 8
     timeout_s: float | None = None
+    capture: CaptureSettings | None = None
+    origin: Origin = field(default_factory=Origin)
+    """What a capture says of this job."""
     observer: Observer = nothing
     stop: asyncio.Event = field(default_factory=asyncio.Event)
     """Set it to give the job up in an orderly way: nothing leaves after its end."""
@@ -58,19 +65,31 @@ def settings_for(
     stopbits: int | None = None,
     settings: Mapping[str, str],
     timeout_s: float | None = None,
+    capture: CaptureSettings | None = None,
 ) -> JobSettings:
     """A job's settings from words as users type them. Raises UsageError."""
     entry = protocol(protocol_name)
     params = entry.params(settings, end)
     stopbits = stopbits or entry.stopbits
+    data_bits = entry.data_bits(params, stopbits)
+    baud = baud or entry.baud
     return JobSettings(
         line=parse_line(line),
         protocol=entry,
         params=params,
-        baud=baud or entry.baud,
+        baud=baud,
         stopbits=stopbits,
-        data_bits=entry.data_bits(params, stopbits),
+        data_bits=data_bits,
         timeout_s=timeout_s,
+        capture=capture,
+        origin=Origin(
+            line=line,
+            baud=baud,
+            framing=LineSettings(baud=baud, stopbits=stopbits, data_bits=data_bits, window=1).framing,
+            side=Side.CONTROL if end is End.CONTROL else Side.HOST,
+            protocol=entry.name,
+            settings=dict(settings),
+        ),
     )
 
 
@@ -99,6 +118,7 @@ class Session:
         self.job = job
         self.engine = engine
         self.link: Link
+        self._capture: JobCapture
         self.driver: LineDriver
         self.ended: Ended | None = None
         self.stops = 0
@@ -121,9 +141,19 @@ class Session:
 
     async def run(self, begin: Callable[[Transport, Nanos], None]) -> Ended:
         """Open, run, close. `begin` is called with the open line. Raises LineError, UsageError."""
-        transport = await self._open()
-        if isinstance(transport, Ended):
-            return transport
+        self._capture = JobCapture(self.job.capture, self.job.origin, self.job.observer)
+        ended = None
+        try:
+            ended = await self._run(begin)
+            return ended
+        finally:
+            await self._capture.close(failed=ended is None or ended.outcome is not Outcome.COMPLETE)
+
+    async def _run(self, begin: Callable[[Transport, Nanos], None]) -> Ended:
+        line = await self._open()
+        if isinstance(line, Ended):
+            return line
+        transport = self._capture.tap(line)
         try:
             self.link = Link(
                 self.engine,
@@ -216,6 +246,7 @@ class Session:
         while True:
             await asyncio.sleep(PROGRESS_INTERVAL_S)
             self.report_progress()
+            self._capture.tell()
 
     def report_progress(self) -> None:
         now = monotonic()
