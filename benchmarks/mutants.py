@@ -20,8 +20,8 @@ PAGE = Path(__file__).parent.parent / "docs" / "reliability.md"
 MOST_TRANSFERS = 10_000
 
 ABOUT = """\
-Each bug is planted alone, and transfers are run with the seeds 1, 2, 3 ... under the faults named until a checker reports
-a violation; what it reported is the rule.
+Each bug is planted alone, and transfers are run with the seeds 1, 2, 3 ... under the faults named until a checker
+reports a violation; what it reported is the rule.
 
 """
 

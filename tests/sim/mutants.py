@@ -195,6 +195,10 @@ def _next_dat_for_rty(method: Callable[..., Any]) -> Callable[..., Any]:
     return on_rty
 
 
+def _high_is_low(method: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda self: self._high
+
+
 def _done_too_early(method: Callable[..., Any]) -> Callable[..., Any]:
     return lambda self: self._exhausted and len(self._ahead) < 200
 
@@ -372,7 +376,7 @@ MUTANTS: tuple[Mutant, ...] = (
         name="A: bytes_low counts what was handed over",
         protocol=_A,
         presets=("clean", "power-cut"),
-        spoils=((HostLine, "_delivered", _high_is_low),),
+        spoils=((HostLine, "_certain", _high_is_low),),
     ),
     Mutant(
         name="expansion A: sum not checked",

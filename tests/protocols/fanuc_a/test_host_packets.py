@@ -17,9 +17,12 @@ from tapewire.engine import (
     Resumed,
     Violation,
 )
+from tapewire.protocols.fanuc_a.host_outbox import Outbox
 from tapewire.protocols.fanuc_a.messages import Command, Message
 from tapewire.protocols.fanuc_a.packets import Kind, Monitor, MonitorCode, MonitorSum, Packet, encode_monitor
+from tapewire.protocols.fanuc_a.params import Params
 from tapewire.protocols.fanuc_a.status import BufferState
+from tapewire.protocols.settings import End
 from tests.protocols.fanuc_a.host_bench import PROGRAM, Bench, Trickle
 
 WAT, EOD, SET = Message(command=Command.WAT), Message(command=Command.EOD), Message(command=Command.SET)
