@@ -253,7 +253,7 @@ def test_a_transmitter_that_can_be_asked_guarantees_the_window(port: Bench) -> N
 async def test_a_transmitter_that_never_says_empty_is_not_asked(port: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     notes: list[str] = []
     monkeypatch.setattr(port.uart, "transmitter_is_empty", lambda fd: False)
-    monkeypatch.setattr(opening, "EMPTY_LIMIT_S", 0.05)
+    monkeypatch.setattr(opening, "EMPTY_QUESTIONS", 3)
     line = await opening._proved(port.open(STRICT), notes.append)
     assert (line.stop_distance.characters, line.stop_distance.guaranteed) == (18, False)
     assert "never says" in notes[0]
@@ -263,7 +263,7 @@ async def test_a_transmitter_that_never_says_empty_is_not_asked(port: Bench, mon
 async def test_one_that_says_so_a_little_later_is(port: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     answers = iter([False, False, True])
     monkeypatch.setattr(port.uart, "transmitter_is_empty", lambda fd: next(answers, True))
-    line = await opening._proved(port.open(STRICT), str)
+    line = await opening._proved(port.open(STRICT), pytest.fail)
     assert line.stop_distance.guaranteed
     line.close(0)
 

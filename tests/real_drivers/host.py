@@ -80,7 +80,8 @@ def kernel() -> Path:
     """The folder of an unpacked kernel package."""
     if not (CACHE / "boot").is_dir():
         CACHE.mkdir(parents=True, exist_ok=True)
-        listed = subprocess.run(["apt-cache", "depends", "linux-image-amd64"], stdout=subprocess.PIPE, text=True)
+        asked = ["apt-cache", "depends", "linux-image-amd64"]
+        listed = subprocess.run(asked, stdout=subprocess.PIPE, text=True, check=True)
         name = re.search(r"Depends: (linux-image-\S+)", listed.stdout)
         assert name, "apt knows no linux-image-amd64"
         subprocess.run(["apt-get", "download", "-qq", name[1]], cwd=CACHE, check=True)
@@ -244,9 +245,7 @@ def run(program: Path, work: Path) -> Iterator[dict[str, Any]]:
                 end.end()
 
 
-def serve(
-    asked: str, monitor: Monitor, ends: dict[str, FarEnd], work: Path, program: Path
-) -> Iterator[dict[str, Any]]:
+def serve(asked: str, monitor: Monitor, ends: dict[str, FarEnd], work: Path, program: Path) -> Iterator[dict[str, Any]]:
     word, _, port = asked.partition(" ")
     match word:
         case "break":
@@ -272,7 +271,8 @@ def serve(
 
 def main() -> int:
     if lacking := missing():
-        sys.stderr.write(f"not run: {', '.join(lacking)} missing (apt-get install qemu-system-x86 busybox-static kmod cpio)\n")
+        packages = "qemu-system-x86 busybox-static kmod cpio"
+        sys.stderr.write(f"not run: {', '.join(lacking)} missing (apt-get install {packages})\n")
         return SKIPPED
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "program.nc"

@@ -48,9 +48,9 @@ CONNECT_LIMIT_S: Final = 10.0
 """A host that answers nothing, not even a refusal, within this time is not there."""
 AGREE_LIMIT_S: Final = 5.0
 """A serial server answers each setting at once; one that has not by then does not speak RFC 2217."""
-EMPTY_LIMIT_S: Final = 0.3
-"""An idle transmitter is empty; an adapter has told so after a few of its reports."""
+EMPTY_QUESTIONS: Final = 30
 EMPTY_PAUSE_S: Final = 0.01
+"""An idle transmitter is empty; an adapter has told so after a few of its reports."""
 SIGNALS_LIMIT_S: Final = 0.3
 """A server that tells its control lines does so as soon as it is asked to."""
 
@@ -120,10 +120,10 @@ def _nobody(text: str) -> None:
 async def _proved(line: TtyLine, note: Callable[[str], None]) -> TtyLine:
     """A port that is to run in a closed loop has to say once, before anything is sent, that it is empty."""
     try:
-        with suppress(TimeoutError):
-            async with asyncio.timeout(EMPTY_LIMIT_S):
-                while line.waits_for_proof:
-                    await asyncio.sleep(EMPTY_PAUSE_S)
+        for _ in range(EMPTY_QUESTIONS):
+            if not line.waits_for_proof:
+                break
+            await asyncio.sleep(EMPTY_PAUSE_S)
     except BaseException:
         line.close(0)
         raise
