@@ -11,6 +11,7 @@ from typing import Any, Final, TypeAlias
 from tapewire.engine import CncEngine, HostEngine
 from tapewire.errors import UsageError
 from tapewire.protocols import bridgeport, fanuc_a, fanuc_b
+from tapewire.protocols.listening import Listener
 from tapewire.protocols.settings import End
 from tapewire.protocols.text_rules import FanucText, TextRules
 
@@ -48,6 +49,8 @@ class ProtocolEntry:
     cnc: Callable[[Any], CncEngine]
     words: Callable[[Any], tuple[Reader, Reader]]
     """Readers for what the host says and for what the control says."""
+    listener: Callable[[Any], Listener]
+    """Holds a recorded dialogue against the rules."""
     text: Callable[[Any], TextRules] = _fanuc_text
     """What programs are on its line."""
     stopbits: int = 1
@@ -91,6 +94,7 @@ _ENTRIES: Final = (
         host=fanuc_a.FanucAHost,
         cnc=fanuc_a.FanucACnc,
         words=_fanuc_a_words,
+        listener=fanuc_a.Listener,
         refuse=fanuc_a.refuse_program,
     ),
     ProtocolEntry(
@@ -104,6 +108,7 @@ _ENTRIES: Final = (
         host=fanuc_a.FanucAHost,
         cnc=fanuc_a.FanucACnc,
         words=_fanuc_a_words,
+        listener=fanuc_a.Listener,
         refuse=fanuc_a.refuse_program,
     ),
     ProtocolEntry(
@@ -117,6 +122,7 @@ _ENTRIES: Final = (
         host=fanuc_b.FanucBHost,
         cnc=fanuc_b.FanucBCnc,
         words=_fanuc_b_words,
+        listener=fanuc_b.Listener,
     ),
     ProtocolEntry(
         name="fanuc-b-expansion",
@@ -129,6 +135,7 @@ _ENTRIES: Final = (
         host=fanuc_b.FanucBHost,
         cnc=fanuc_b.FanucBCnc,
         words=_fanuc_b_words,
+        listener=fanuc_b.Listener,
     ),
     ProtocolEntry(
         name="bridgeport",
@@ -141,6 +148,7 @@ _ENTRIES: Final = (
         host=bridgeport.BridgeportHost,
         cnc=bridgeport.BridgeportCnc,
         words=_bridgeport_words,
+        listener=bridgeport.Listener,
         text=_bridgeport_text,
         stopbits=2,
         data_bits=bridgeport.data_bits,
