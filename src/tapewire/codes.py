@@ -5,13 +5,18 @@ own, no lower case and no code for most signs; ( and ) are FANUC's assignment, c
 This parity belongs to the character and has nothing to do with the parity bit of the line.
 
 Text means ASCII bytes whose blocks end with LF (EOB) and whose end of record (EOR) is `%`, whatever the code.
+
+Which signs beside these have an EIA code is a matter of each control's parameters: `EiaSigns` holds them, and
+`table_of` gives the table that goes with them. `Recogniser` tells the code of bytes that nobody has named.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
+from types import MappingProxyType
 from typing import Final
 
 from tapewire.errors import UsageError
@@ -89,14 +94,71 @@ def _eia_codes() -> dict[int, int]:
     codes |= zip(b"ABCDEFGHI", bytes.fromhex("61 62 73 64 75 76 67 68 79"), strict=True)
     codes |= zip(b"JKLMNOPQR", bytes.fromhex("51 52 43 54 45 46 57 58 49"), strict=True)
     codes |= zip(b"STUVWXYZ", bytes.fromhex("32 23 34 25 26 37 38 29"), strict=True)
-    codes |= zip(b"+-/.,& ()", bytes.fromhex("70 40 31 6B 3B 0E 10 1A 4A"), strict=True)
+    codes |= zip(b"+-/.,& ", bytes.fromhex("70 40 31 6B 3B 0E 10"), strict=True)
     codes |= zip(b"\x00\x08\t\x7f%\n", bytes.fromhex("00 2A 3E 7F 0B 80"), strict=True)
     return codes
 
 
+FANUC_PARENTHESES: Final[Mapping[str, int]] = MappingProxyType({"(": 0x1A, ")": 0x4A})
+"""Channels 2-4-5 and 2-4-7: FANUC's assignment."""
+
+_CASE_SHIFTS: Final = {0x7A: "LC", 0x7C: "UC"}
+
+
+@dataclass(frozen=True, slots=True)
+class EiaSigns:
+    """The EIA codes that RS-244 leaves open: parentheses, and signs that a control's parameters assign.
+
+    Raises UsageError for a code of even parity, one that is taken, and a sign that has a code already.
+    """
+
+    codes: Mapping[str, int] = field(default_factory=lambda: FANUC_PARENTHESES)
+
+    def __post_init__(self) -> None:
+        taken = {code: name_of(character) for character, code in _eia_codes().items()} | _CASE_SHIFTS
+        for sign, code in self.codes.items():
+            if len(sign) != 1 or not sign.isascii() or not sign.isprintable() or ord(sign) in _eia_codes():
+                raise UsageError(f"{sign!r} cannot be given an EIA code: one printable sign without a code is expected")
+            if not 0 < code < 0x100 or code.bit_count() % 2 == 0:
+                raise UsageError(f"{sign}={code:02X}: an EIA code has an odd number of holes")
+            if code in taken:
+                raise UsageError(f"{sign}={code:02X}: this is the EIA code of {taken[code]}")
+            taken[code] = f"'{sign}'"
+
+    @classmethod
+    def parse(cls, words: tuple[str, ...]) -> EiaSigns:
+        """FANUC's parentheses with words such as `#=1C` over them. Raises UsageError."""
+        codes = dict(FANUC_PARENTHESES)
+        for word in words:
+            sign, equals, digits = word[:1], word[1:2], word[2:]
+            try:
+                code = int(digits, 16)
+            except ValueError:
+                code = -1
+            if equals != "=" or not 1 <= len(digits) <= 2 or code < 0:
+                raise UsageError(f"{word}: a sign and its EIA code in hexadecimal are expected, as in #=1C")
+            codes[sign] = code
+        return cls(codes)
+
+
+EIA_SIGNS: Final = EiaSigns()
+"""The parentheses and nothing else."""
+
+
+def table_of(code: DataCode, signs: EiaSigns = EIA_SIGNS) -> CodeTable:
+    """The table of a code; `signs` matter in EIA alone."""
+    if code is not DataCode.EIA or signs == EIA_SIGNS:
+        return TABLES[code]
+    return _eia_table(signs)
+
+
+def _eia_table(signs: EiaSigns) -> CodeTable:
+    return _table(_eia_codes() | {ord(sign): code for sign, code in signs.codes.items()})
+
+
 TABLES: Final[Mapping[DataCode, CodeTable]] = {
     DataCode.ISO: _table({byte: with_even_parity(byte) for byte in range(0x80)}),
-    DataCode.EIA: _table(_eia_codes()),
+    DataCode.EIA: _eia_table(EIA_SIGNS),
     DataCode.ASCII: _table({byte: byte for byte in range(0x80)}),
     DataCode.BINARY: _table({byte: byte for byte in range(0x100)}),
 }
@@ -138,3 +200,74 @@ def decode(data: bytes, code: DataCode) -> bytes:
     if (offset := first_outside(data, table.codes)) is not None:
         raise UsageError(f"{data[offset]:02X}h at offset {offset} is not an {code.upper()} code")
     return data.translate(table.to_ascii)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recognition:
+    """What the bytes seen so far are. `code` None: no text, or too little of it; `why` says so for the operator.
+
+    `foreign` counts the bytes that are no code of it: damage, if there are any.
+    """
+
+    code: DataCode | None
+    foreign: int = 0
+    why: str
+
+
+_FEED: Final = (NUL, DEL, 0xFF)
+"""Blank tape, and all holes: in every code, and so no sign of any (ISO's DEL has the parity hole too)."""
+_FEW: Final = 20
+"""Damage is believed to be damage where it is at most one byte in so many."""
+
+
+class Recogniser:
+    """Tells ISO, EIA and ASCII apart by the bytes of a tape or a stream, however they are cut; leader and feed count
+    for nothing.
+
+    ISO bytes have an even number of holes, EIA bytes an odd one, ASCII bytes no eighth. A control goes by the first
+    EOB, LF or CR, which tells EIA from the others; all bytes together tell more, and of a damaged tape too. Bytes that
+    are the same text in ISO and in ASCII are called ASCII.
+    """
+
+    def __init__(self, signs: EiaSigns = EIA_SIGNS) -> None:
+        self._codes = {
+            DataCode.ASCII: frozenset(TABLES[DataCode.ASCII].codes),
+            DataCode.ISO: frozenset(TABLES[DataCode.ISO].codes),
+            DataCode.EIA: frozenset(table_of(DataCode.EIA, signs).codes),
+        }
+        self._seen: Counter[int] = Counter()
+
+    def feed(self, data: bytes) -> None:
+        self._seen.update(data)
+
+    @property
+    def verdict(self) -> Recognition:
+        seen = Counter({byte: count for byte, count in self._seen.items() if byte not in _FEED})
+        total = seen.total()
+        if not total:
+            return Recognition(code=None, why="there is nothing but blank tape")
+        foreign = {
+            code: sum(count for byte, count in seen.items() if byte not in codes) for code, codes in self._codes.items()
+        }
+        best, second = sorted(foreign, key=lambda code: foreign[code])[:2]
+        if foreign[best] and (foreign[best] * _FEW > total or foreign[best] * 5 > foreign[second]):
+            return Recognition(code=None, why="the bytes are no text in ISO, EIA or ASCII: binary, or badly damaged")
+        if not foreign[DataCode.EIA] and foreign[best] == foreign[DataCode.ASCII] == 0:
+            return Recognition(code=None, why="the bytes are text in EIA and in ASCII, and hold no EOB to tell which")
+        return Recognition(code=best, foreign=foreign[best], why=_why_this(best, foreign[best], foreign[DataCode.ISO]))
+
+
+def _why_this(code: DataCode, foreign: int, foreign_to_iso: int) -> str:
+    why = {
+        DataCode.ISO: "an even number of holes in every byte",
+        DataCode.EIA: "an odd number of holes in every byte",
+        DataCode.ASCII: "no eighth bit" if foreign_to_iso else "the same bytes in ISO and in ASCII",
+    }[code]
+    return f"{why}, but for {foreign:,}" if foreign else why
+
+
+def recognise(data: bytes) -> Recognition:
+    """The code of `data` as a whole, with FANUC's parentheses."""
+    recogniser = Recogniser()
+    recogniser.feed(data)
+    return recogniser.verdict

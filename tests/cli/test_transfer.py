@@ -109,7 +109,7 @@ def test_what_is_changed_for_the_wire_is_said_before_it_is_sent(shop: Shop) -> N
 
 
 def test_raw_bytes_go_out_untouched(shop: Shop) -> None:
-    raw = b"\n\x93\x00O1\r\nG05\n\x13\x11%"
+    raw = b"\n\x93\x00O1\r\nG06\n\x13\x11%"
     sent, taken = finish(
         *start(
             shop,

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from tapewire.codes import DataCode, encode
 from tapewire.errors import ProgramError, UsageError
-from tapewire.fanuc.tape import Damage, DamageKind, PunchReader, prepare
+from tapewire.fanuc.punch import Damage, DamageKind, PunchReader
+from tapewire.fanuc.tape import prepare
 
 TEXT_CODES = (DataCode.ISO, DataCode.EIA, DataCode.ASCII)
 EIA_SAFE = b"0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ+-/.,& ()\t"

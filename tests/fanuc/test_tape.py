@@ -80,6 +80,11 @@ def is_g05_alone(line: bytes) -> bool:
     return word.startswith("G") and word.endswith("5") and set(word[1:-1]) <= {"0"} and len(word) > 1
 
 
+def spoilt(rest: bytes, sendable: bytes) -> bool:
+    """What must not be sent stands in the comment of the block itself."""
+    return any(byte not in sendable for byte in rest.removesuffix(b"\r"))
+
+
 def first_fault(file: bytes, sendable: bytes) -> tuple[int, int] | None:
     """Line and column of the first thing that must not be sent, walking through the file once."""
     line, column, label_skip = 1, 1, file.startswith(b"%")
@@ -91,7 +96,7 @@ def first_fault(file: bytes, sendable: bytes) -> tuple[int, int] | None:
         if column == 1 and not label_skip:
             block = file[offset:].split(b"\n")[0].split(b"%")[0]
             g05_at = offset + block.upper().rindex(b"G") if is_g05_alone(block) else None
-        if offset == g05_at:
+        if offset == g05_at and not spoilt(block[column:], sendable):
             return line, column
         if byte == ord("\r") and file[offset + 1 : offset + 2] != b"\n":
             return line, column
@@ -235,9 +240,9 @@ def test_iso_and_eia_are_sent_in_their_codes() -> None:
         (b"%\n(\xc3\x84)\n%", (2, 2), "byte C3h (not ASCII) is no character"),
         (b"\xef\xbb\xbf%\nM30\n%", (1, 1), "byte EFh (not ASCII) is no character"),
         (b"%\nM30\n\x1a", (3, 1), "SUB (1Ah) is no character"),
-        (b"%\nO1\nG05\n\x01\x02\x03", (3, 1), "reads binary: send the file with --raw"),
-        (b"%\nO1\n N10 G 5 (DATA)\r\nM30\n%", (3, 6), "reads binary: send the file with --raw"),
-        (b"%\n/2N10G05\n%", (2, 6), "reads binary: send the file with --raw"),
+        (b"%\nO1\nG05\n\x01\x02\x03", (3, 1), "the control reads binary, and"),
+        (b"%\nO1\n N10 G 5 (DATA)\r\nM30\n%", (3, 6), "the control reads binary, and"),
+        (b"%\n/2N10G05\n%", (2, 6), "the control reads binary, and"),
     ],
 )
 def test_a_refusal_says_where_what_and_what_to_do(file: bytes, where: tuple[int, int], why: str) -> None:

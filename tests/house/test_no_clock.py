@@ -19,7 +19,9 @@ CLOCK_FREE = (
     *("tapewire.fanuc", "tapewire.g05", "tapewire.nc", "tapewire.protocols", "tapewire.sim"),
     # The half of the line that a simulated cable and a real port have in common.
     *("tapewire.line.transport", "tapewire.line.link", "tapewire.line.pacing"),
+    *("tapewire.line.telnet", "tapewire.line.rfc2217", "tapewire.line.rates"),
     *("tapewire.line.simulated", "tapewire.line.faults", "tapewire.line.paths", "tapewire.line.reception"),
+    *("tapewire.line.closed_loop", "tapewire.line.lateness"),
     *("tapewire.line.capture", "tapewire.line.capture_reader", "tapewire.line.capture_tap"),
 )
 # Records of the domain may hold dates; nothing in them runs.

@@ -30,8 +30,18 @@ from tapewire.line.serial_port import open_tty
 from tapewire.line.simulated import EndSettings, simulated_cable
 from tapewire.line.transport import Closed, LineItem, Transport
 
-KINDS: Final = ("simulated", "tcp client", "tcp listener", "pty master", "tty slave")
+KINDS: Final = (
+    "simulated",
+    "tcp client",
+    "tcp listener",
+    "pty master",
+    "tty slave",
+    "rfc2217 client",
+    "rfc2217 server",
+)
 REAL_KINDS: Final = KINDS[1:]
+COUNTING_KINDS: Final = REAL_KINDS[:4]
+"""Those that can tell what they have called back; a serial server is told to throw it away, and does not count."""
 
 LOOKS: Final = 20_000
 """How often a test looks for what the kernel passes on in its own time, before it calls it lost."""
@@ -104,6 +114,10 @@ def _open(kind: str, near: LineSettings, far: LineSettings, path: Path) -> tuple
             return asyncio.run(tcp_pair(near, far))
         case "tcp listener":
             return asyncio.run(tcp_pair(far, near))[::-1]
+        case "rfc2217 client":
+            return asyncio.run(tcp_pair(near, far, "rfc2217+listen"))
+        case "rfc2217 server":
+            return asyncio.run(tcp_pair(far, near, "rfc2217+listen"))[::-1]
         case "pty master":
             return create_pty(str(path), near), open_tty(str(path), far)
         case _:
@@ -111,11 +125,14 @@ def _open(kind: str, near: LineSettings, far: LineSettings, path: Path) -> tuple
             return open_tty(str(path), near), master
 
 
-async def tcp_pair(client: LineSettings, listener: LineSettings) -> tuple[DescriptorLine, DescriptorLine]:
+async def tcp_pair(
+    client: LineSettings, listener: LineSettings, scheme: str = "listen"
+) -> tuple[DescriptorLine, DescriptorLine]:
     """Both ends of a connection, opened the way users do."""
     listening: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-    waiting = asyncio.create_task(_open_like(listener, "listen://127.0.0.1:0", listening.set_result))
-    near = await _open_like(client, (await listening).replace("listen://", "socket://"))
+    waiting = asyncio.create_task(_open_like(listener, f"{scheme}://127.0.0.1:0", listening.set_result))
+    here = await listening
+    near = await _open_like(client, here.replace("rfc2217+listen", "rfc2217").replace("listen", "socket"))
     return near, await waiting
 
 

@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 
 from tapewire.errors import LineBusy, LineNotFound, UsageError
 from tapewire.line import open as opening
-from tapewire.line.descriptor import DescriptorLine
+from tapewire.line.descriptor import DescriptorLine, Parity, Signals
 from tapewire.line.open import (
     ConnectAddress,
     LineAddress,
+    LineOptions,
     ListenAddress,
     PtyAddress,
     TtyAddress,
@@ -24,6 +25,8 @@ from tapewire.line.open import (
     parse_line,
 )
 from tapewire.line.serial_port import TtyLine
+
+THREE_WIRES = LineOptions(signals=Signals.IGNORED, parity=Parity.ODD)
 
 
 @pytest.mark.parametrize(
@@ -37,6 +40,13 @@ from tapewire.line.serial_port import TtyLine
         ("socket://[fe80::1%eth0]:4001", ConnectAddress(host="fe80::1%eth0", port=4001)),
         ("listen://127.0.0.1:0", ListenAddress(host="127.0.0.1", port=0)),
         ("listen://[::1]:65535", ListenAddress(host="::1", port=65535)),
+        ("rfc2217://moxa:950", ConnectAddress(host="moxa", port=950, is_rfc2217=True)),
+        ("rfc2217+listen://127.0.0.1:0", ListenAddress(host="127.0.0.1", port=0, is_rfc2217=True)),
+        (
+            "rfc2217://moxa:950?signals=ignored&parity=odd",
+            ConnectAddress(host="moxa", port=950, is_rfc2217=True, options=THREE_WIRES),
+        ),
+        ("/dev/ttyUSB0?signals=ignored&parity=odd", TtyAddress(path="/dev/ttyUSB0", options=THREE_WIRES)),
     ],
 )
 def test_lines_there_are(text: str, address: LineAddress) -> None:
@@ -51,7 +61,15 @@ def test_lines_there_are(text: str, address: LineAddress) -> None:
         "ttyUSB0",
         "COM3",
         "pty:",
-        "rfc2217://server:4001",
+        "rfc2217://server",
+        "rfc2217://server:0",
+        "rfc2217://server:1?signals",
+        "rfc2217://server:1?signals=off",
+        "rfc2217://server:1?signals=used&signals=ignored",
+        "rfc2217://server:1?",
+        "/dev/ttyUSB0?parity=mark",
+        "socket://server:1?signals=ignored",
+        "pty:/tmp/line?signals=ignored",
         "http://server:80",
         "socket://server",
         "socket://server:",
@@ -75,9 +93,9 @@ def test_lines_there_are(text: str, address: LineAddress) -> None:
 def test_lines_there_are_not(text: str) -> None:
     with pytest.raises(UsageError) as refusal:
         parse_line(text)
-    for form in ("/dev/ttyUSB0", "socket://HOST:PORT", "listen://HOST:PORT", "pty:PATH"):
-        assert form in str(refusal.value) or "brackets" in str(refusal.value)
-    assert "rfc2217://HOST" not in str(refusal.value)
+    forms = ("/dev/ttyUSB0", "socket://HOST:PORT", "listen://HOST:PORT", "rfc2217://HOST:PORT", "pty:PATH")
+    said = str(refusal.value)
+    assert "brackets" in said or "?signals=used|ignored" in said or all(form in said for form in forms)
 
 
 Texts = st.text(st.characters(), max_size=30)

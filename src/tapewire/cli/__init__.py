@@ -23,6 +23,8 @@ _COMMANDS: Final = {
     "cnc": "tapewire.cli.cnc",
     "decode": "tapewire.cli.decode",
     "bridgeport": "tapewire.cli.bridgeport",
+    "ports": "tapewire.cli.ports",
+    "convert": "tapewire.cli.convert",
     "fanuc": "tapewire.cli.fanuc",
 }
 

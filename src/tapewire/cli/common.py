@@ -70,7 +70,7 @@ _LINE: Final = (
         "--line",
         required=True,
         metavar="LINE",
-        help="A tty path, socket://HOST:PORT, listen://HOST:PORT, or pty:PATH.",
+        help="A tty path, socket://, listen://, rfc2217:// or rfc2217+listen://HOST:PORT, or pty:PATH.",
     ),
 )
 _PROTOCOL: Final = click.option("--protocol", required=True, metavar="NAME", help=f"One of {', '.join(PROTOCOLS)}.")

@@ -8,6 +8,8 @@ from typing import Final
 import click
 
 from tapewire.cli.common import COMPLETE, NOT_COMPLETE, Number
+from tapewire.cli.convert import ASSIGN, SOURCE, source_of
+from tapewire.codes import EiaSigns
 from tapewire.errors import UsageError
 from tapewire.fanuc.alarms import BEGIN_AGAIN, AlarmRecord, alarm_named
 from tapewire.fanuc.host_settings import HostSettings, host_settings
@@ -20,6 +22,8 @@ from tapewire.fanuc.parameter_file import (
     write_toml,
 )
 from tapewire.fanuc.parameters import CATALOGUE, Interface, ParameterSet, PowerRule
+from tapewire.fanuc.tv_check import Comments
+from tapewire.transfer.converting import TapeReport, inspect_tape
 
 __all__ = ["fanuc"]
 
@@ -150,4 +154,35 @@ def _alarm_text(record: AlarmRecord) -> list[str]:
         f"{_INDENT}{record.seen}",
         "What to do:",
         *(f"{_INDENT}{place}. {remedy}" for place, remedy in enumerate((*record.remedies, BEGIN_AGAIN), 1)),
+    ]
+
+
+@fanuc.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@SOURCE
+@ASSIGN
+@click.option("--tv", is_flag=True, help="Check that every block has an even number of characters (0000#0 = 1).")
+@click.option("--no-comments", is_flag=True, help="With --tv: comments do not count (0000#1 = 1).")
+def tape(file: Path, source: str, words: tuple[str, ...], tv: bool, no_comments: bool) -> int:
+    """Say what the program in FILE is to a control: its code, label, programs and end; whether it passes a TV check."""
+    if no_comments and not tv:
+        raise UsageError("--no-comments says how to count in a TV check: say --tv too")
+    comments = Comments.NOT_COUNTED if no_comments else Comments.COUNTED
+    report = inspect_tape(
+        file, source=source_of(source), comments=comments if tv else None, signs=EiaSigns.parse(words)
+    )
+    click.echo("\n".join(_tape_text(report)))
+    return NOT_COMPLETE if report.failures else COMPLETE
+
+
+def _tape_text(report: TapeReport) -> list[str]:
+    headers = report.headers
+    code = report.recognition.code
+    end = "no EOR: a control waits for more" if headers.eor_line is None else f"EOR on line {headers.eor_line:,}"
+    return [
+        f"code: {code.upper() if code else 'unknown'} ({report.recognition.why})",
+        f"label: {headers.label!r}" if headers.label else "label: none",
+        *(f"program: {program}, line {program.line:,}" for program in headers.programs),
+        f"blocks: {report.blocks:,}; {end}",
+        *map(str, report.failures),
     ]

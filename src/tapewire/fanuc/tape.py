@@ -9,19 +9,20 @@ From there the first `%` (EOR) ends the data, in a comment as well, and what fol
 program begins with `%` or an EOB and holds no `%` until its last byte. `TapeScanner` is that rule as a
 control sees it.
 
-From the control, `PunchReader` turns a punch-out into a text file and keeps account of what was spoilt.
+A G05 section is binary: nothing inside it is prepared, and CR and 25h are data there. `punch.py` reads what a
+control punches out.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
 from typing import Final
 
-from tapewire.codes import CR, DEL, EOB_CODES, EOR_CODES, NUL, SUB, TABLES, DataCode, first_outside, name_of
+from tapewire.codes import CR, DEL, EOB_CODES, EOR_CODES, TABLES, DataCode, first_outside, name_of
 from tapewire.errors import ProgramError, UsageError
+from tapewire.g05.sections import BinaryTally, BlockWatch, ExitFinder, Section, g05_block
 
 Read = Callable[[int], bytes]
 """Gives at most so many bytes of the file, and b"" only at its end."""
@@ -38,10 +39,6 @@ _BLANKS: Final = b" \t\r"
 _AFTER_EOR: Final = b" \t\r\n\x00\x1a"  # 1Ah ends a text file of CP/M and MS-DOS
 
 _LONE_CR: Final = re.compile(rb"\r(?!\n)")
-# Binary data follows the block G05 EOB (chapter 9); block number, block skip and comments do not change that.
-_G05_END: Final = re.compile(rb"[Gg][ \t]*(?:0[ \t]*)*5[ \t]*(?:\([^()\n]*\)[ \t]*)*\r?(?:\n|\Z)")
-_G05_BEGINNING: Final = re.compile(rb"(?:/[1-9]?)?(?:[Nn][0-9]+)?")
-_COMMENT: Final = re.compile(rb"\([^()\n]*\)")
 
 _RAW_ADVICE: Final = "or send the file untouched with --raw"
 
@@ -52,55 +49,81 @@ class Preparation:
 
     `byte_count` counts the bytes written. `block_count` counts the blocks that hold anything, without the
     title that label skip passes over. `changes` says for the operator what was changed; it is empty when
-    the text went through as it was (the conversion to `code` is no change of the text).
+    the text went through as it was (the conversion to `code` is no change of the text). `notes` says what of
+    it is binary.
     """
 
     byte_count: int
     block_count: int
     changes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
-def prepare(read: Read, write: Write, code: DataCode) -> Preparation:
+def prepare(read: Read, write: Write, code: DataCode, record_bytes: int | None = None) -> Preparation:
     """Write the text file behind `read` as a control can take it, in `code`, in constant memory.
 
     Raises ProgramError for a text that the control would take wrongly, at the first place where it would.
     What has been written until then is to be thrown away: call it once with a `write` that keeps nothing to
     know the result before anything is sent. Binary data is never prepared: UsageError.
+
+    After a block G05 nothing is prepared until the exit record: the records, of `record_bytes` or of the length
+    that their check bytes tell, go through as they are, and a program in which they are not sound is refused.
     """
     if code is DataCode.BINARY:
         raise UsageError("binary data cannot be prepared as text: send the file untouched with --raw")
-    preparer = _Preparer(write, code)
-    for piece in _pieces(read):
-        preparer.take(piece)
+    pieces = _Pieces(read)
+    preparer = _Preparer(write, code, record_bytes)
+    while (piece := pieces.text()) is not None:
+        binary = preparer.take(piece)
+        if binary is not None:
+            pieces.give_back(preparer.take_section(binary, pieces.raw))
     return preparer.finish()
 
 
-def _pieces(read: Read) -> Iterator[bytes]:
+class _Pieces:
     """The file in pieces that end with LF (the last may not), so that no CR LF and no block is ever cut.
 
     A piece longer than a block may be, without any LF, is handed on as it is.
     """
-    pending = bytearray()
-    while chunk := read(CHUNK_BYTES):
-        pending += chunk
-        if len(pending) < CHUNK_BYTES:
-            continue
-        cut = pending.rfind(b"\n") + 1 or (len(pending) if len(pending) > MAX_BLOCK_BYTES else 0)
-        if cut:
-            yield bytes(pending[:cut])
-            del pending[:cut]
-    if pending:
-        yield bytes(pending)
+
+    def __init__(self, read: Read) -> None:
+        self._read = read
+        self._pending = bytearray()
+
+    def text(self) -> bytes | None:
+        while chunk := self._read(CHUNK_BYTES):
+            self._pending += chunk
+            if len(self._pending) < CHUNK_BYTES:
+                continue
+            cut = self._pending.rfind(b"\n") + 1 or (len(self._pending) if len(self._pending) > MAX_BLOCK_BYTES else 0)
+            if cut:
+                return self._taken(cut)
+        return self._taken(len(self._pending)) if self._pending else None
+
+    def raw(self) -> bytes:
+        """What comes next, cut anywhere; empty at the end."""
+        return self._taken(len(self._pending)) if self._pending else self._read(CHUNK_BYTES)
+
+    def give_back(self, data: bytes) -> None:
+        self._pending[:0] = data
+
+    def _taken(self, count: int) -> bytes:
+        data = bytes(self._pending[:count])
+        del self._pending[:count]
+        return data
 
 
 class _Preparer:
-    def __init__(self, write: Write, code: DataCode) -> None:
+    def __init__(self, write: Write, code: DataCode, record_bytes: int | None) -> None:
         self._write = write
         self._code = code
+        self._record_bytes = record_bytes
+        self._binary = BinaryTally()
         self._table = TABLES[code]
         self._sendable = bytes(set(_TEXT) & {*self._table.characters, CR})
         self._line = 1
         self._begun = False
+        self._g05 = (1, 1)
         self._eor: tuple[int, int] | None = None
         self._last = b""
         self._byte_count = 0
@@ -109,13 +132,18 @@ class _Preparer:
         self._dropped_cr_count = 0
         self._dropped_after_eor_bytes = 0
 
-    def take(self, piece: bytes) -> None:
+    def take(self, piece: bytes) -> bytes | None:
+        """What of the piece stands behind the EOB of a block G05: binary, for `take_section`. None without one."""
         if self._eor is not None:
             self._take_after_eor(piece)
-            return
+            return None
         label_bytes = 0 if self._begun else self._begin(piece)
         eor = piece.find(b"%", 1 if label_bytes else 0)
         body = piece if eor < 0 else piece[:eor]
+        binary = None
+        if (g05 := g05_block(body, label_bytes)) is not None and body[g05[1] - 1 : g05[1]] == b"\n":
+            body, binary, eor = body[: g05[1]], piece[g05[1] :], -1
+            self._g05 = _position(self._line, body, g05[0])
         self._check(body, label_bytes)
         if 0 <= eor < label_bytes:
             raise self._refusal(piece, eor, "a second % before the first EOB: remove it")
@@ -124,6 +152,27 @@ class _Preparer:
             self._eor = _position(self._line, piece, eor)
             self._take_after_eor(piece[eor + 1 :])
         self._line += body.count(b"\n")
+        return binary
+
+    def take_section(self, binary: bytes, read: Callable[[], bytes]) -> bytes:
+        """Let a section pass that begins with `binary`; what was read behind its end."""
+        section = Section(self._record_bytes)
+        rest = b""
+        try:
+            while True:
+                binary = binary or read()
+                mine, rest = section.feed(binary) if binary else section.finish()
+                self._line += mine.count(b"\n")
+                self._pass(mine)
+                if section.ended:
+                    break
+                binary = b""
+        except ProgramError as error:
+            why = f"after the block G05 the control reads binary, and {error}; mend it, {_RAW_ADVICE}"
+            raise _refusal_at(*self._g05, why) from None
+        self._binary.add(section)
+        self._last = b"\n"
+        return rest
 
     def finish(self) -> Preparation:
         if not self._begun:
@@ -134,7 +183,12 @@ class _Preparer:
         if self._eor is None and self._last != b"\n":
             self._put(b"\n")
         self._put(b"%")
-        return Preparation(byte_count=self._byte_count, block_count=self._block_count, changes=changes)
+        return Preparation(
+            byte_count=self._byte_count,
+            block_count=self._block_count,
+            changes=changes,
+            notes=self._binary.notes(),
+        )
 
     def _changes(self) -> tuple[str, ...]:
         changes = []
@@ -168,8 +222,10 @@ class _Preparer:
             found.append((offset, self._why_not_sendable(body[offset])))
         if body.count(b"\r") != body.count(b"\r\n") and (lone := _LONE_CR.search(body)):
             found.append((lone.start(), "CR without LF: end the blocks with LF or CR LF, " + _RAW_ADVICE))
-        if (offset := _find_g05(body, label_bytes)) is not None:
-            found.append((offset, "after the block G05 the control reads binary: send the file with --raw"))
+        if (g05 := g05_block(body, label_bytes)) is not None and body[g05[1] - 1 : g05[1]] != b"\n":
+            found.append(
+                (g05[0], f"after the block G05 the control reads binary, and none follows: add it, {_RAW_ADVICE}")
+            )
         if found:
             raise self._refusal(body, *min(found))
         if max(body.find(b"\n"), len(body) - body.rfind(b"\n") - 1) > MAX_BLOCK_BYTES:
@@ -191,6 +247,11 @@ class _Preparer:
             self._last = text[-1:]
             self._byte_count += len(text)
             self._write(text if self._code is DataCode.ASCII else text.translate(self._table.to_code))
+
+    def _pass(self, binary: bytes) -> None:
+        if binary:
+            self._byte_count += len(binary)
+            self._write(binary)
 
     def _take_after_eor(self, data: bytes) -> None:
         if data.strip(_AFTER_EOR):
@@ -224,15 +285,6 @@ def _count_blocks(lines: bytes) -> int:
     return packed.count(b"\n") + (packed != b"" and not packed.endswith(b"\n"))
 
 
-def _find_g05(body: bytes, start: int) -> int | None:
-    """The offset of the G of the first block that is G05 alone."""
-    for match in _G05_END.finditer(body, start):
-        before = body[body.rfind(b"\n", 0, match.start()) + 1 : match.start()]
-        if _G05_BEGINNING.fullmatch(_COMMENT.sub(b"", before).translate(None, _BLANKS)):
-            return match.start()
-    return None
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawInspection:
     """A file to be sent untouched: how many bytes, and what the operator should know before they go out."""
@@ -241,12 +293,12 @@ class RawInspection:
     notes: tuple[str, ...]
 
 
-def inspect_raw(read: Read, code: DataCode) -> RawInspection:
+def inspect_raw(read: Read, code: DataCode, record_bytes: int | None = None) -> RawInspection:
     """Read a file that is to be sent untouched and say what the control will make of it, in constant memory.
 
     Nothing is refused but an empty file. Of binary data nothing can be said.
     """
-    scanner = TapeScanner(code)
+    scanner = TapeScanner(code, record_bytes)
     byte_count = taken_count = 0
     begins = b""
     while chunk := read(CHUNK_BYTES):
@@ -277,13 +329,18 @@ def inspect_raw(read: Read, code: DataCode) -> RawInspection:
 class TapeScanner:
     """Finds the end of the data as a control does: label skip until the first EOB, then EOR ends it (8.2).
 
-    The answer does not depend on how the data is cut. Binary data has no end that could be seen. The
-    scanner does not know the records of a G05 section: an EOR code among them looks like the end.
+    The answer does not depend on how the data is cut. Binary data has no end that could be seen. In a G05 section whose
+    records are of `record_bytes` no EOR is looked for. Without that number a section is not seen: in the special
+    format it can hold no EOR, in the general format a byte of it may look like one.
     """
 
-    def __init__(self, code: DataCode) -> None:
+    def __init__(self, code: DataCode, record_bytes: int | None = None) -> None:
         self._eob = EOB_CODES[code]
         self._eor = re.compile(b"[" + re.escape(EOR_CODES[code]) + b"]") if EOR_CODES[code] else None
+        self._to_ascii = TABLES[code].to_ascii
+        self._record_bytes = record_bytes
+        self._watch = BlockWatch()
+        self._section: ExitFinder | None = None
         self.label_skip = True
         self.ended = False
 
@@ -302,156 +359,22 @@ class TapeScanner:
             if not start:
                 return None
             self.label_skip = False
-        eor = self._eor.search(data, start)
-        if eor is None:
+        while True:
+            eor = self._eor.search(data, start) if self._section is None else None
+            border = self._section_border(data, start, eor.start() if eor else len(data))
+            if border is None:
+                self.ended = eor is not None
+                return eor.end() if eor else None
+            start = border
+
+    def _section_border(self, data: bytes, start: int, end: int) -> int | None:
+        """Where from `start` on a section begins, before `end`, or ends; None where neither is in sight."""
+        if self._record_bytes is None:
             return None
-        self.ended = True
-        return eor.end()
-
-
-class DamageKind(Enum):
-    """What can be wrong with a punch-out; the value is one of them in words."""
-
-    PARITY = "character with wrong parity"
-    NO_CODE = "byte that is no character of the code"
-    LONE_CR = "CR without LF"
-    FEED_IN_BLOCK = "NUL or DEL inside a block"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Damage:
-    """All damage of one kind: how often, and the offset of the first in the punched bytes (from 0)."""
-
-    kind: DamageKind
-    first_offset: int
-    count: int
-
-    def __str__(self) -> str:
-        times = "" if self.count == 1 else f", {self.count:,} times"
-        return f"{self.kind.value} at byte {self.first_offset:,}{times}"
-
-
-_FEED: Final = bytes((NUL, DEL))
-_ODD_WEIGHT: Final = bytes(byte for byte in range(256) if byte.bit_count() % 2)
-_EVEN_WEIGHT: Final = bytes(byte for byte in range(256) if not byte.bit_count() % 2)
-_RUNS: Final = re.compile(rb"[\x00\x7f]+|[^\x00\x7f\r\n]+|[\r\n]")
-
-
-class PunchReader:
-    """Turns what a control punches into ASCII text with LF line ends, however it is cut.
-
-    An EOB may come as LF, CR LF or LF CR CR (parameter NCR, 0000#3), in EIA as 80h. Leader, trailer and feed
-    between blocks (NUL, blank, DEL) are left out. Nothing is repaired: a character of wrong parity or a
-    control character is stored by its 7 bits, a byte without meaning in EIA as SUB, a CR without LF as CR,
-    and each is kept in `damage`: a punch-out with damage has failed. Call `finish` when it has ended.
-
-    What cannot be seen: a character that is missing, one with two wrong bits, in plain ASCII any wrong one,
-    and in EIA one spoilt into blank tape at the beginning of a block or at the very end.
-    """
-
-    def __init__(self, code: DataCode, write: Write) -> None:
-        if code is DataCode.BINARY:
-            raise UsageError("a binary punch-out cannot be read as text: store it untouched with --raw")
-        self._write = write
-        self._to_ascii = _punched_to_ascii(code)
-        self._wrong_parity, self._no_code = _damaged_bytes(code)
-        self._damage: dict[DamageKind, Damage] = {}
-        self._offset = 0
-        self._in_block = False
-        self._eob_cr_left = 0
-        self._held_cr_offset: int | None = None
-        self._feed_in_block: tuple[int, int] | None = None
-
-    @property
-    def damage(self) -> tuple[Damage, ...]:
-        """One record for each kind of damage seen so far, in the order of their first places."""
-        return tuple(sorted(self._damage.values(), key=lambda damage: damage.first_offset))
-
-    def feed(self, data: bytes) -> None:
-        """Take the next punched bytes, without the control codes around them."""
-        self._note_spoilt(data, self._wrong_parity, DamageKind.PARITY)
-        self._note_spoilt(data, self._no_code, DamageKind.NO_CODE)
-        text = bytearray()
-        for match in _RUNS.finditer(data.translate(self._to_ascii)):
-            self._take_run(match.group(), self._offset + match.start(), text)
-        self._offset += len(data)
-        if text:
-            self._write(bytes(text))
-
-    def finish(self) -> tuple[Damage, ...]:
-        """Say that the punch-out has ended; all its damage."""
-        text = bytearray()
-        self._give_up_held_cr(text)
-        if text:
-            self._write(bytes(text))
-        return self.damage
-
-    def _take_run(self, run: bytes, offset: int, text: bytearray) -> None:
-        if run[0] in _FEED:
-            self._take_feed(offset, len(run))
-            return
-        self._note_feed_in_block()
-        if run == b"\n":
-            self._held_cr_offset = None
-            self._eob_cr_left = 2
-            self._in_block = False
-            text += run
-        elif run == b"\r":
-            self._take_cr(offset, text)
+        if self._section is None:
+            found = self._watch.feed(data[start:end].translate(self._to_ascii))
+            self._section = ExitFinder(self._record_bytes) if found is not None else None
         else:
-            self._give_up_held_cr(text)
-            self._eob_cr_left = 0
-            self._in_block = True
-            text += run
-
-    def _take_feed(self, offset: int, count: int) -> None:
-        if self._in_block:
-            first, before = self._feed_in_block or (offset, 0)
-            self._feed_in_block = first, before + count
-
-    def _note_feed_in_block(self) -> None:
-        """Feed behind the last block is the trailer; it was inside a block if that goes on."""
-        if self._feed_in_block is not None:
-            self._note(DamageKind.FEED_IN_BLOCK, *self._feed_in_block)
-            self._feed_in_block = None
-
-    def _take_cr(self, offset: int, text: bytearray) -> None:
-        if self._eob_cr_left:
-            self._eob_cr_left -= 1
-            return
-        self._give_up_held_cr(text)
-        self._held_cr_offset = offset
-
-    def _give_up_held_cr(self, text: bytearray) -> None:
-        if self._held_cr_offset is not None:
-            self._note(DamageKind.LONE_CR, self._held_cr_offset, 1)
-            self._held_cr_offset = None
-            text += b"\r"
-
-    def _note_spoilt(self, data: bytes, spoilt: bytes, kind: DamageKind) -> None:
-        sound = data.translate(None, spoilt)
-        if len(sound) != len(data):
-            first = next(index for index, byte in enumerate(data) if byte in spoilt)
-            self._note(kind, self._offset + first, len(data) - len(sound))
-
-    def _note(self, kind: DamageKind, offset: int, count: int) -> None:
-        before = self._damage.get(kind) or Damage(kind=kind, first_offset=offset, count=0)
-        self._damage[kind] = Damage(kind=kind, first_offset=before.first_offset, count=before.count + count)
-
-
-def _punched_to_ascii(code: DataCode) -> bytes:
-    if code is not DataCode.EIA:
-        return bytes(byte & 0x7F for byte in range(256))
-    table = TABLES[code]
-    meant = dict(zip(table.codes, table.characters, strict=True))
-    return bytes(meant.get(byte, SUB) for byte in range(256))
-
-
-def _damaged_bytes(code: DataCode) -> tuple[bytes, bytes]:
-    """The bytes of wrong parity, and those of right parity that are no character of a program's text."""
-    table = TABLES[code]
-    text = _TEXT + _FEED
-    sound = {byte for byte, meant in zip(table.codes, table.characters, strict=True) if meant in text}
-    wrong_weight = {DataCode.ISO: _ODD_WEIGHT, DataCode.EIA: _EVEN_WEIGHT}.get(code, b"")
-    wrong_parity = set(wrong_weight) - sound
-    return bytes(sorted(wrong_parity)), bytes(sorted(set(range(256)) - sound - wrong_parity))
+            found = self._section.feed(data[start:])
+            self._section = self._section if found is None else None
+        return None if found is None else start + found

@@ -19,6 +19,7 @@ __all__ = [
     "MOST_AXES",
     "SIGNIFICANT",
     "AuxiliaryUse",
+    "BinaryInput",
     "IncrementSystem",
     "Layout",
     "RecordFormat",
@@ -139,3 +140,51 @@ class Layout:
 def required_baud(layout: Layout, unit_time: UnitTime) -> int:
     """The rate in bits a second that the line must keep up without a pause, rounded up (9.2)."""
     return -(-layout.record_bytes * BITS_PER_CHARACTER * 1000 // unit_time)
+
+
+FOUND: Final = "auto"
+"""Instead of the number of axes: the length of the records is found by their check bytes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BinaryInput:
+    """The parameters of binary input operation as a user writes them in one word: `3`, `3,general,aux,2ms`, `auto`.
+
+    `layout` is None for `auto`. The unit time is parameter 7618, 8 ms when all its bits are 0.
+    """
+
+    layout: Layout | None = None
+    unit_time: UnitTime = UnitTime.MS_8
+
+    @property
+    def record_bytes(self) -> int | None:
+        return None if self.layout is None else self.layout.record_bytes
+
+    @classmethod
+    def parse(cls, text: str) -> BinaryInput:
+        """Raises ValueError saying what is wrong."""
+        axes, *words = text.split(",")
+        if axes == FOUND and not words:
+            return cls()
+        if not axes.isascii() or not axes.isdigit() or len(axes) > 2:
+            raise ValueError(f"{axes!r} is no number of axes")
+        form, use, unit_time = RecordFormat.SPECIAL, AuxiliaryUse.UNUSED, UnitTime.MS_8
+        for word in words:
+            if word in list(RecordFormat):
+                form = RecordFormat(word)
+            elif word in list(AuxiliaryUse):
+                use = AuxiliaryUse(word)
+            elif word in _UNIT_TIMES:
+                unit_time = _UNIT_TIMES[word]
+            else:
+                raise ValueError(f"{word!r} is none of {', '.join((*RecordFormat, *AuxiliaryUse, *_UNIT_TIMES))}")
+        return cls(layout=Layout(axis_count=int(axes), format=form, auxiliary=use), unit_time=unit_time)
+
+    def __str__(self) -> str:
+        if self.layout is None:
+            return FOUND
+        layout = self.layout
+        return f"{layout.axis_count},{layout.format},{layout.auxiliary},{self.unit_time.value}ms"
+
+
+_UNIT_TIMES: Final = {f"{time.value}ms": time for time in UnitTime}

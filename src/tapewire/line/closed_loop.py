@@ -11,7 +11,10 @@ from typing import Final
 
 from tapewire.engine import MICROSECOND, MILLISECOND, Nanos
 
-__all__ = ["ClosedLoop"]
+__all__ = ["ASK_EARLY", "CLOSED_LOOP_WINDOW", "ClosedLoop"]
+
+CLOSED_LOOP_WINDOW: Final = 16
+"""Up to this window the transmitter is asked before each chunk; a larger one does not fit into a FIFO at once."""
 
 ASK_EARLY: Final[Nanos] = 300 * MICROSECOND
 """Before the last stop bit should have left: a line may be two percent faster than it is told, and a wake-up is late
@@ -26,13 +29,15 @@ ASK_AGAIN_SLOWLY: Final[Nanos] = 5 * MILLISECOND
 
 class ClosedLoop:
     """What is in flight, by asking. `late` is how much older than the question the answer may be: one that was true
-    before the characters got there is not believed.
+    before the characters got there is not believed. `early` is how long before the predicted moment the asking begins:
+    longer than a wake-up is late.
     """
 
-    __slots__ = ("_asked", "_character", "_end", "_in_flight", "_late", "_trusted")
+    __slots__ = ("_asked", "_character", "_early", "_end", "_in_flight", "_late", "_trusted")
 
-    def __init__(self, character: Nanos, late: Nanos = 0) -> None:
+    def __init__(self, character: Nanos, late: Nanos = 0, early: Nanos = ASK_EARLY) -> None:
         self._character = character
+        self._early = early
         self._late = late
         self._in_flight = 0
         self._end: Nanos = 0
@@ -65,7 +70,10 @@ class ClosedLoop:
         first = self._first_question()
         if now < first:
             return first
+        if now < self._end:
+            # One question stands where the answer should change: a gap of half a step less on the wire.
+            return min(now + ASK_AGAIN, self._end)
         return now + min(max(ASK_AGAIN, (now - self._end) // 4), ASK_AGAIN_SLOWLY)
 
     def _first_question(self) -> Nanos:
-        return max(self._trusted, self._end - ASK_EARLY)
+        return max(self._trusted, self._end - self._early)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import os
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
@@ -18,7 +19,7 @@ from tapewire.errors import UsageError
 from tapewire.line.pacing import RxPacer, TxPacer, character_time
 from tapewire.line.transport import Closed, Fault, LineItem, StopDistance
 
-__all__ = ["Arrivals", "DescriptorLine", "LineSettings", "Parity"]
+__all__ = ["Arrivals", "DescriptorLine", "LineSettings", "Parity", "Signals"]
 
 BAUD_LIMITS: Final = (50, 4_000_000)
 """From the slowest teleprinter rate termios knows to the fastest."""
@@ -47,6 +48,14 @@ class Parity(StrEnum):
     ODD = "odd"
 
 
+class Signals(StrEnum):
+    """Whether the control lines that come in mean anything."""
+
+    USED = "used"
+    IGNORED = "ignored"
+    """The cable has three wires, or a serial server tells of lines that nobody has connected: all count as ON."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineSettings:
     """How a line is run, whatever kind it is.
@@ -62,6 +71,7 @@ class LineSettings:
     paced_reception: bool = False
     data_bits: int = 8
     parity: Parity | None = None
+    signals: Signals = Signals.USED
 
     @property
     def parity_bit(self) -> Parity:
@@ -140,6 +150,11 @@ class Arrivals:
 
     def clear(self) -> None:
         self._items.clear()
+        self._characters = 0
+
+    def drop_characters(self) -> None:
+        """Whoever sent them has called them back; what else happened stays."""
+        self._items = deque(item for item in self._items if not _characters(item))
         self._characters = 0
 
     def next_deadline(self) -> Nanos | None:
@@ -228,7 +243,7 @@ class DescriptorLine:
         self._now = now
         self._room -= len(data)
         self._tx.hand_over(len(data), now)
-        self._unsent += data
+        self._unsent += self._encode(data)
         self._flush()
 
     def in_flight(self, now: Nanos) -> int:
@@ -347,7 +362,11 @@ class DescriptorLine:
         """When there is room again, or all has left, if nobody says so."""
         return self._tx.next_deadline(self._now)
 
-    def _decode(self, data: bytes) -> list[bytes | Fault]:
+    def _encode(self, data: bytes) -> bytes:
+        """Characters as the kernel is given them."""
+        return data
+
+    def _decode(self, data: bytes) -> Sequence[LineItem]:
         return [data]
 
     def _closed_by(self, error: OSError) -> Closed | None:

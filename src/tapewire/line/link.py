@@ -23,6 +23,10 @@ class Application(Protocol):
 
     def next_deadline(self) -> Nanos | None: ...
 
+    def next_event(self) -> Event | None:
+        """What it has to tell beside the engine's own events."""
+        ...
+
 
 class Link:
     """An engine, its line, and who stands behind the engine.
@@ -136,6 +140,11 @@ class Link:
                 self.on_sent(self.characters_sent, now)
 
     def _drain(self, now: Nanos) -> None:
-        while (event := self.engine.next_event()) is not None:
+        while (event := self._next_event()) is not None:
             if self.on_event is not None:
                 self.on_event(event, now)
+
+    def _next_event(self) -> Event | None:
+        """What the application has to tell comes first: an alarm before the end that it makes."""
+        told = self.application.next_event() if self.application is not None else None
+        return told or self.engine.next_event()

@@ -1,27 +1,39 @@
-"""LINE as users write it, and opening what it names.
+"""Opens what a LINE names.
 
-Reading the text and opening are two steps, so that a wrong LINE is refused before anything is touched.
+Reading the text (`parse_line`) and opening are two steps, so that a wrong LINE is refused before anything is touched.
 """
 
 from __future__ import annotations
 
 import asyncio
 import errno
-import os
 import socket
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import replace
 from typing import Any, Final, TypeAlias, assert_never
 
-from tapewire.errors import LineBusy, LineError, LineNotFound, UsageError
-from tapewire.line.descriptor import DescriptorLine, LineSettings, Parity
+from tapewire.errors import LineBusy, LineError, LineNotFound
+from tapewire.line.address import (
+    ConnectAddress,
+    LineAddress,
+    LineOptions,
+    ListenAddress,
+    PtyAddress,
+    TtyAddress,
+    parse_line,
+)
+from tapewire.line.descriptor import DescriptorLine, LineSettings
+from tapewire.line.driver import monotonic
 from tapewire.line.pty import create_pty
+from tapewire.line.rfc2217_line import ClientLine, ServerLine
 from tapewire.line.serial_port import open_tty
 from tapewire.line.tcp import TcpLine, is_connected_to_itself
 
 __all__ = [
     "ConnectAddress",
     "LineAddress",
+    "LineOptions",
     "ListenAddress",
     "PtyAddress",
     "TtyAddress",
@@ -29,78 +41,19 @@ __all__ = [
     "parse_line",
 ]
 
-FORMS: Final = "a LINE is the path of a port (/dev/ttyUSB0), socket://HOST:PORT, listen://HOST:PORT or pty:PATH"
-
 REFUSED_RETRY_S: Final = 5.0
 """How long a refused connection is tried again: two ends started by one script need no order."""
 REFUSED_PAUSE_S: Final = 0.1
 CONNECT_LIMIT_S: Final = 10.0
 """A host that answers nothing, not even a refusal, within this time is not there."""
+AGREE_LIMIT_S: Final = 5.0
+"""A serial server answers each setting at once; one that has not by then does not speak RFC 2217."""
+SIGNALS_LIMIT_S: Final = 0.3
+"""A server that tells its control lines does so as soon as it is asked to."""
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TtyAddress:
-    """A serial port of this computer."""
-
-    path: str
-
-    def __str__(self) -> str:
-        return self.path
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PtyAddress:
-    """A pseudo terminal to be made, its other side linked at `path`."""
-
-    path: str
-
-    def __str__(self) -> str:
-        return f"pty:{self.path}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ConnectAddress:
-    """A TCP port that somebody listens on."""
-
-    host: str
-    port: int
-
-    def __str__(self) -> str:
-        return f"socket://{_bracketed(self.host)}:{self.port}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ListenAddress:
-    """A TCP port of this computer on which one connection is awaited; port 0 lets the system choose."""
-
-    host: str
-    port: int
-
-    def __str__(self) -> str:
-        return f"listen://{_bracketed(self.host)}:{self.port}"
-
-
-LineAddress: TypeAlias = TtyAddress | PtyAddress | ConnectAddress | ListenAddress
 
 _SocketAddress: TypeAlias = tuple[Any, ...]
 """What `getaddrinfo` gives and `bind` takes; its shape depends on the family."""
-
-
-def parse_line(text: str) -> LineAddress:
-    """Read a LINE. Opens nothing. Raises UsageError with the forms there are."""
-    if text.startswith("socket://"):
-        host, port = _host_and_port(text, "socket://")
-        if port == 0:
-            raise UsageError(f"{text!r}: port 0 is only for listen://; {FORMS}")
-        return ConnectAddress(host=host, port=port)
-    if text.startswith("listen://"):
-        host, port = _host_and_port(text, "listen://")
-        return ListenAddress(host=host, port=port)
-    if text.startswith("pty:"):
-        return PtyAddress(path=_path(text, text.removeprefix("pty:")))
-    if "://" in text or "/" not in text:
-        raise UsageError(f"{text!r} is no line: {FORMS}")
-    return TtyAddress(path=_path(text, text))
 
 
 async def open_line(
@@ -110,7 +63,6 @@ async def open_line(
     stopbits: int,
     data_bits: int = 8,
     window: int,
-    parity: Parity | None = None,
     paced_reception: bool = False,
     on_ready: Callable[[str], None] | None = None,
     on_note: Callable[[str], None] | None = None,
@@ -121,11 +73,13 @@ async def open_line(
     listens, for the others when they are open. `on_note` is told what a person at this line should know.
     Raises UsageError for settings no line can have, and LineError. Cancelling leaves nothing open.
     """
+    options = LineOptions() if isinstance(address, PtyAddress) else address.options
     settings = LineSettings(
         baud=baud,
         stopbits=stopbits,
         data_bits=data_bits,
-        parity=parity,
+        parity=options.parity,
+        signals=options.signals,
         window=window,
         paced_reception=paced_reception,
     )
@@ -135,8 +89,15 @@ async def open_line(
             line: DescriptorLine = open_tty(path, settings, on_note=on_note)
         case PtyAddress(path=path):
             line = create_pty(path, settings)
+        case ConnectAddress(is_rfc2217=True):
+            line = ClientLine(await _connect(address), settings)
+            await _agree(line, address, on_note or _nobody)
         case ConnectAddress():
             line = TcpLine(await _connect(address), settings)
+        case ListenAddress(is_rfc2217=True):
+            server = ServerLine(await _accept(address, ready), settings)
+            await _agree(server, address, _nobody)
+            return server
         case ListenAddress():
             return TcpLine(await _accept(address, ready), settings)
         case _:
@@ -151,52 +112,6 @@ async def open_line(
 
 def _nobody(text: str) -> None:
     del text
-
-
-def _host_and_port(text: str, scheme: str) -> tuple[str, int]:
-    host, colon, port = text.removeprefix(scheme).rpartition(":")
-    if not colon or not (port.isascii() and port.isdigit() and len(port) <= 5 and int(port) <= 65535):
-        raise UsageError(f"{text!r} has no port from 0 to 65535; {FORMS}")
-    if host.startswith("[") and host.endswith("]"):
-        host = host[1:-1]
-        known = _is_ipv6(host)
-    elif ":" in host:
-        raise UsageError(f"{text!r}: an IPv6 address goes in brackets, {scheme}[::1]:{port}")
-    else:
-        known = _is_name(host)
-    if not known:
-        raise UsageError(f"{text!r} has no valid host; {FORMS}")
-    return host, int(port)
-
-
-def _is_ipv6(host: str) -> bool:
-    try:
-        socket.inet_pton(socket.AF_INET6, host.partition("%")[0])
-    except (OSError, ValueError):
-        return False
-    return host.isprintable() and host.isascii()
-
-
-def _is_name(host: str) -> bool:
-    try:
-        host.encode("idna")
-    except UnicodeError:
-        return False
-    return bool(host) and host.isprintable() and not set(host) & set(" /@[]?#")
-
-
-def _path(text: str, path: str) -> str:
-    try:
-        encoded = os.fsencode(path)
-    except UnicodeError:
-        encoded = b""
-    if not encoded or 0 in encoded:
-        raise UsageError(f"{text!r} has no valid path; {FORMS}")
-    return path
-
-
-def _bracketed(host: str) -> str:
-    return f"[{host}]" if ":" in host else host
 
 
 async def _connect(address: ConnectAddress) -> socket.socket:
@@ -240,6 +155,35 @@ async def _connect_once(address: ConnectAddress) -> socket.socket:
     raise failure
 
 
+async def _agree(line: ClientLine | ServerLine, address: LineAddress, note: Callable[[str], None]) -> None:
+    """Until both ends have agreed and the settings are read back; closes the line where they do not."""
+    try:
+        line.negotiate(monotonic())
+        with suppress(TimeoutError):
+            async with asyncio.timeout(AGREE_LIMIT_S):
+                while not line.is_ready and line.refusal is None:
+                    await _more(line)
+        if not line.is_ready:
+            raise LineError(f"{address}: {line.refusal or line.missing}")
+        with suppress(TimeoutError):
+            async with asyncio.timeout(SIGNALS_LIMIT_S):
+                while isinstance(line, ClientLine) and not line.knows_signals and line.refusal is None:
+                    await _more(line)
+    except BaseException:
+        line.close(0)
+        raise
+    if isinstance(line, ClientLine) and not line.knows_signals:
+        note(f"{address}: no control lines are told by the serial server; all count as ON")
+
+
+async def _more(line: ClientLine | ServerLine) -> None:
+    if line.watched is not None:
+        await _readable(line.watched)
+    else:
+        await asyncio.sleep(REFUSED_PAUSE_S)
+    line.negotiate(monotonic())
+
+
 async def _accept(address: ListenAddress, ready: Callable[[str], None]) -> socket.socket:
     """Wait for one connection; the port is closed again before the first byte, so that a second is refused."""
     try:
@@ -248,7 +192,7 @@ async def _accept(address: ListenAddress, ready: Callable[[str], None]) -> socke
         raise LineNotFound(f"{address}: {error.strerror or error}; check the host") from error
     with socket.socket(family, socket.SOCK_STREAM) as listener:
         _listen(listener, where, address)
-        ready(str(ListenAddress(host=address.host, port=listener.getsockname()[1])))
+        ready(str(replace(address, port=listener.getsockname()[1])))
         while True:
             await _readable(listener)
             try:
@@ -282,11 +226,11 @@ async def _resolve(
     return [(family, where) for family, _, _, _, where in found]
 
 
-async def _readable(listener: socket.socket) -> None:
+async def _readable(what: socket.socket | int) -> None:
     loop = asyncio.get_running_loop()
     ready = asyncio.Event()
-    loop.add_reader(listener, ready.set)
+    loop.add_reader(what, ready.set)
     try:
         await ready.wait()
     finally:
-        loop.remove_reader(listener)
+        loop.remove_reader(what)

@@ -5,11 +5,22 @@ Real lines, pseudo terminals, TCP and the simulated cable all count with these t
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import Final
 
 from tapewire.engine import SECOND, Nanos
+from tapewire.line.closed_loop import CLOSED_LOOP_WINDOW
+from tapewire.line.paths import TransmitterEmpty
 
-__all__ = ["BITS_PER_CHARACTER", "RxPacer", "TxPacer", "character_time", "default_window"]
+__all__ = [
+    "BITS_PER_CHARACTER",
+    "Pacing",
+    "RxPacer",
+    "TxPacer",
+    "character_time",
+    "default_window",
+    "pacing_for",
+]
 
 BITS_PER_CHARACTER: Final = 11
 """8E1 and 8N2 alike: start, eight data bits, parity or a second stop bit, stop (B-63322EN-1 3.1)."""
@@ -34,6 +45,21 @@ def character_time(baud: int, bits: int = BITS_PER_CHARACTER) -> Nanos:
 def default_window(baud: int, tolerated: int) -> int:
     """Characters that may be in flight at `baud` for a control that tolerates `tolerated` after its stop request."""
     return max(1, min(baud // WINDOW_BAUD_PER_CHARACTER, tolerated - 1))
+
+
+class Pacing(Enum):
+    """How the characters in flight are bounded."""
+
+    WINDOW = "window"
+    """By a model of the line at its rate, and by what the driver says it holds."""
+    CLOSED_LOOP = "closed loop"
+    """By asking the transmitter whether it is empty."""
+
+
+def pacing_for(window: int, transmitter: TransmitterEmpty) -> Pacing:
+    """How a line with this window is paced. The closed loop costs a wake-up a window, so it is for small ones."""
+    small = window <= CLOSED_LOOP_WINDOW
+    return Pacing.CLOSED_LOOP if small and transmitter is TransmitterEmpty.ASKED else Pacing.WINDOW
 
 
 class TxPacer:

@@ -17,6 +17,7 @@ from typing import TypeAlias
 
 from tapewire.engine import Nanos, SignalsIn
 from tapewire.line.faults.characters import Late
+from tapewire.line.faults.damage import Parity, truncated
 from tapewire.line.faults.injector import Injector
 from tapewire.line.paths import PathKind
 from tapewire.line.transport import Closed, Fault, LineItem
@@ -46,7 +47,13 @@ class Segment:
 
     @property
     def next(self) -> Nanos:
+        """When the first that is not taken comes."""
         return self.first + self.taken * self.step
+
+    @property
+    def last(self) -> Nanos:
+        """When the last one comes."""
+        return self.first + (len(self.data) - 1) * self.step
 
 
 class Reception:
@@ -62,6 +69,8 @@ class Reception:
         self._arrived = self._wire if injector is None else deque()
         """Characters behind the faults. Where there are none, both are the same."""
         self._marks = self._wire_marks if injector is None else []
+        self._signals: SignalsIn | None = None
+        """What this end was told of the control lines."""
         self._late_until: Nanos = 0
         """Before this moment nothing arrives any more that has not."""
 
@@ -85,12 +94,48 @@ class Reception:
             self._wire.pop()
             count -= waiting
 
+    def cut(self, moment: Nanos, bits: int, parity: Parity) -> None:
+        """The other end lost its power, which shows here at `moment`: what has not arrived never does, but for what
+        is read of the character of `bits` bits that was under way.
+        """
+        under_way = None
+        while self._wire and self._wire[-1].last > moment:
+            segment = self._wire.pop()
+            arrived = segment.arrived(moment) if segment.first <= moment else 0
+            begun = segment.first + arrived * segment.step - segment.step
+            if begun < moment:
+                under_way = truncated(segment.data[arrived], (moment - begun) * bits // segment.step, parity)
+                ends = begun + segment.step
+            if arrived > segment.taken:
+                segment.data = segment.data[:arrived]
+                self._wire.append(segment)
+        match under_way:
+            case bytes(byte):
+                self.put(ends, byte, ends - moment)
+            case Fault():
+                self.mark(ends, under_way)
+
+    def forget(self, now: Nanos) -> None:
+        """What has arrived by `now` is lost, told or not; the control lines are told again as they are."""
+        if self._injector is not None:
+            self._cross(now, self._injector)
+        self._collect([], now, None)
+        gone = [mark for moment, mark in self._marks if moment <= now]
+        self._marks[: len(gone)] = []
+        for mark in gone:
+            if isinstance(mark, SignalsIn):
+                self._signals = mark
+        last = gone[-1] if gone else None
+        again: list[SignalsIn | Closed] = [] if self._signals is None else [self._signals]
+        again += [last] if isinstance(last, Closed) else []
+        self._marks[:0] = [(now, mark) for mark in again]
+
     def on_the_wire(self, now: Nanos) -> int:
         """Characters that have not arrived by `now`."""
         return sum(
             len(segment.data) - (segment.arrived(now) if segment.first <= now else 0)
             for segment in self._wire
-            if segment.first + (len(segment.data) - 1) * segment.step > now
+            if segment.last > now
         )
 
     # what this end sees
@@ -106,6 +151,8 @@ class Reception:
             at, mark = marks.pop(0)
             # A damaged character makes a UART tell at once, with all before it.
             self._collect(items, at, self._told(at) if isinstance(mark, SignalsIn) else None)
+            if isinstance(mark, SignalsIn):
+                self._signals = mark
             items.append(mark)
         if self._arrived:
             self._collect(items, until, self._told(until))
@@ -123,6 +170,8 @@ class Reception:
                 moments.append(self._wire_marks[0][0])
             if self._injector.next_moment is not None:
                 moments.append(self._injector.next_moment)
+            if self._path.trigger > 1 and (hit := self._next_hit(self._injector.spared)) is not None:
+                moments.append(hit)
         return min(moments, default=None)
 
     def _visible(self, now: Nanos) -> Nanos:
@@ -185,8 +234,17 @@ class Reception:
             if waiting + count >= trigger:
                 return segment.next + (trigger - waiting - 1) * segment.step
             waiting += count
-            last = segment.first + (len(segment.data) - 1) * segment.step
+            last = segment.last
         return last + timeout
+
+    def _next_hit(self, spared: int) -> Nanos | None:
+        """When the character behind the next `spared` ones arrives, which may come damaged; None: not on its way."""
+        for segment in self._wire:
+            count = len(segment.data) - segment.taken
+            if spared < count:
+                return segment.next + spared * segment.step
+            spared -= count
+        return None
 
     def _pending(self) -> Iterable[Segment]:
         return self._wire if self._injector is None else chain(self._arrived, self._wire)

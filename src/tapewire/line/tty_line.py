@@ -16,21 +16,18 @@ from typing import Final
 
 from tapewire.engine import MILLISECOND, Closure, LineFault, Nanos, SignalsIn, SignalsOut
 from tapewire.errors import LineError
-from tapewire.line.closed_loop import ClosedLoop
-from tapewire.line.descriptor import DescriptorLine, LineSettings
+from tapewire.line.closed_loop import CLOSED_LOOP_WINDOW, ClosedLoop
+from tapewire.line.descriptor import DescriptorLine, LineSettings, Signals
 from tapewire.line.kernel import Counters, TtyKernel
 from tapewire.line.marks import Damage, decode_marks
 from tapewire.line.modem import SignalWatch, can_interrupt
 from tapewire.line.ports import Port
-from tapewire.line.transport import Closed, Fault, StopDistance
+from tapewire.line.transport import Closed, Fault, LineItem, StopDistance
 
 __all__ = ["TtyLine"]
 
 UART_FIFO: Final = 16
 """Characters in the transmit FIFO of a 16550, where nothing says how many there are."""
-
-CLOSED_LOOP_WINDOW: Final = 16
-"""Up to this window the transmitter is asked before each chunk; a larger one does not fit into a FIFO at once."""
 
 SIGNALS_POLL: Final[Nanos] = 10 * MILLISECOND
 """How often the control lines are looked at where nobody tells; between two looks at 86400 baud lie 79 characters."""
@@ -61,7 +58,8 @@ class TtyLine(DescriptorLine):
         # Without parity a damaged character can only be one whose stop bit is missing.
         self._damage = Damage(likely, self.counters())
         self._has_signals = not is_pseudo and self._signals_answer(fd)
-        self._watch = SignalWatch(fd, kernel) if self._has_signals and can_interrupt() else None
+        self._hears_signals = self._has_signals and settings.signals is Signals.USED
+        self._watch = SignalWatch(fd, kernel) if self._hears_signals and can_interrupt() else None
         self._both = None if self._watch is None else _both(fd, self._watch.fd)
         self._loop = self._closed_loop(fd)
 
@@ -152,11 +150,11 @@ class TtyLine(DescriptorLine):
     def _next_room(self) -> Nanos | None:
         return super()._next_room() if self._loop is None else self._loop.next_question(self._now)
 
-    def _decode(self, data: bytes) -> list[bytes | Fault]:
+    def _decode(self, data: bytes) -> list[LineItem]:
         counters = self.counters() if not self._is_pseudo else None
         lost = self._damage.count(counters) if counters is not None else 0
         marked, self._carry = decode_marks(self._carry + data)
-        items = [item if isinstance(item, bytes) else self._damage.of(item) for item in marked]
+        items: list[LineItem] = [item if isinstance(item, bytes) else self._damage.of(item) for item in marked]
         return [*items, Fault(fault=LineFault.UART_OVERRUN)] if lost else items
 
     def _closed_by(self, error: OSError) -> Closed:
@@ -202,7 +200,7 @@ class TtyLine(DescriptorLine):
         return True
 
     def _ask_signals(self, fd: int) -> SignalsIn | None:
-        if not self._has_signals:
+        if not self._hears_signals:
             return None
         if self._watch is not None:
             self._watch.changed()
@@ -217,7 +215,7 @@ class TtyLine(DescriptorLine):
         return None
 
     def _poll_interval(self) -> Nanos | None:
-        if not self._has_signals:
+        if not self._hears_signals:
             return None
         told = self._watch is not None and not self._watch.failed and self.watched is not None
         return SIGNALS_CHECK if told else SIGNALS_POLL

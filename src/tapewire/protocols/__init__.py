@@ -8,8 +8,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
+from tapewire.codes import DataCode
 from tapewire.engine import CncEngine, HostEngine
 from tapewire.errors import UsageError
+from tapewire.g05.layout import BinaryInput
 from tapewire.protocols import bridgeport, fanuc_a, fanuc_b
 from tapewire.protocols.listening import Listener
 from tapewire.protocols.settings import End
@@ -22,7 +24,15 @@ Reader: TypeAlias = Callable[[bytes], list[str | bytes]]
 
 
 def _fanuc_text(params: Any) -> TextRules:
-    return FanucText(params.data)
+    return FanucText(params.data, params.g05.record_bytes)
+
+
+def _no_binary_input(params: Any) -> None:
+    return None
+
+
+def _fanuc_binary_input(params: Any) -> tuple[BinaryInput, DataCode]:
+    return params.g05, params.data
 
 
 def _eight_bits(params: Any, stopbits: int) -> int:
@@ -59,6 +69,8 @@ class ProtocolEntry:
     """Bits of a character between start and parity, for these parameters and stop bits. Raises UsageError."""
     sends_on: int = 512
     """Characters its control may still send after a stop where no control line stops it (B-63322EN-1 6.3)."""
+    binary_input: Callable[[Any], tuple[BinaryInput, DataCode] | None] = _no_binary_input
+    """The parameters of binary input operation and the code of the text around it; None where there is none."""
     refuse: Callable[[Any, Callable[[int], bytes]], None] | None = None
     """Reads a program as it would be sent and raises ProgramError when the protocol cannot carry it."""
 
@@ -93,6 +105,7 @@ _ENTRIES: Final = (
         params=fanuc_a.Params.for_protocol_a,
         host=fanuc_a.FanucAHost,
         cnc=fanuc_a.FanucACnc,
+        binary_input=_fanuc_binary_input,
         words=_fanuc_a_words,
         listener=fanuc_a.Listener,
         refuse=fanuc_a.refuse_program,
@@ -107,6 +120,7 @@ _ENTRIES: Final = (
         params=fanuc_a.Params.for_expansion_a,
         host=fanuc_a.FanucAHost,
         cnc=fanuc_a.FanucACnc,
+        binary_input=_fanuc_binary_input,
         words=_fanuc_a_words,
         listener=fanuc_a.Listener,
         refuse=fanuc_a.refuse_program,
@@ -121,6 +135,7 @@ _ENTRIES: Final = (
         params=fanuc_b.Params.for_protocol_b,
         host=fanuc_b.FanucBHost,
         cnc=fanuc_b.FanucBCnc,
+        binary_input=_fanuc_binary_input,
         words=_fanuc_b_words,
         listener=fanuc_b.Listener,
     ),
@@ -134,6 +149,7 @@ _ENTRIES: Final = (
         params=fanuc_b.Params.for_expansion_b,
         host=fanuc_b.FanucBHost,
         cnc=fanuc_b.FanucBCnc,
+        binary_input=_fanuc_binary_input,
         words=_fanuc_b_words,
         listener=fanuc_b.Listener,
     ),

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 from tapewire.codes import EOB_CODES, DataCode
-from tapewire.fanuc import tape
+from tapewire.fanuc import punch, tape
 
 __all__ = ["FanucText", "Read", "TextReader", "TextRules", "Told", "Write"]
 
@@ -63,16 +63,19 @@ class FanucText:
     """The rules of FANUC controls (`fanuc/tape.py`)."""
 
     code: DataCode = DataCode.ASCII
+    record_bytes: int | None = None
+    """Of the records in a G05 section; None: found by their check bytes."""
 
     @property
     def eob(self) -> bytes:
         return EOB_CODES[self.code] or b"\n"
 
     def prepare(self, read: Read, write: Write) -> Told:
-        return Told(changes=tape.prepare(read, write, self.code).changes)
+        preparation = tape.prepare(read, write, self.code, self.record_bytes)
+        return Told(changes=preparation.changes, notes=preparation.notes)
 
     def inspect_raw(self, read: Read) -> Told:
-        return Told(notes=tape.inspect_raw(read, self.code).notes)
+        return Told(notes=tape.inspect_raw(read, self.code, self.record_bytes).notes)
 
     def reader(self, write: Write) -> TextReader | None:
-        return None if self.code is DataCode.BINARY else tape.PunchReader(self.code, write)
+        return None if self.code is DataCode.BINARY else punch.PunchReader(self.code, write)

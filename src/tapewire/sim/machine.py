@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from tapewire.engine import SECOND, CncEngine, Nanos, Sink
+from tapewire.engine import SECOND, CncEngine, Event, Nanos, Sink
+from tapewire.sim.binary_operation import BinaryOperation
 
 __all__ = ["Control"]
 
@@ -22,7 +23,7 @@ class Control:
 
     `sink` gets the program as taken from the buffer, up to and including EOR. `eob` is the end of block of the code
     in use. An operator presses RESET, or the control goes to alarm, once `reset_after` or `alarm_after` bytes of
-    program have been taken, or punched.
+    program have been taken, or punched. With `binary` it executes the records of G05 sections, each in its unit time.
     """
 
     def __init__(
@@ -34,6 +35,7 @@ class Control:
         eob: bytes = b"\n",
         reset_after: int | None = None,
         alarm_after: int | None = None,
+        binary: BinaryOperation | None = None,
     ) -> None:
         self._engine = engine
         self._sink = sink
@@ -44,6 +46,7 @@ class Control:
             self._acts.append((reset_after, engine.reset))
         if alarm_after is not None:
             self._acts.append((alarm_after, engine.alarm))
+        self.binary = binary
         self._send_buffer = bytearray()
         self._block_done: Nanos | None = None
         self.bytes_taken = 0
@@ -52,14 +55,23 @@ class Control:
     @property
     def idle(self) -> bool:
         """Nothing taken is left to execute."""
-        return self._block_done is None and not self._send_buffer
+        return self._block_done is None and not self._send_buffer and not (self.binary and self.binary.active)
 
     def step(self, now: Nanos) -> None:
+        if self.binary is not None and self.binary.stopped:
+            if self._engine.progress:
+                return
+            self.binary.reset()
         while self._take(now) or self._execute(now):
             pass
 
     def next_deadline(self) -> Nanos | None:
+        if self._block_done is None and self.binary is not None:
+            return self.binary.next_deadline()
         return self._block_done
+
+    def next_event(self) -> Event | None:
+        return None if self.binary is None else self.binary.next_event()
 
     def _take(self, now: Nanos) -> int:
         room = SEND_BUFFER - len(self._send_buffer)
@@ -75,13 +87,18 @@ class Control:
     def _act(self, now: Nanos) -> None:
         for entry in [entry for entry in self._acts if entry[0] <= max(self.bytes_taken, self._engine.progress)]:
             self._acts.remove(entry)
-            self._send_buffer.clear()
-            self._block_done = None
+            self._forget()
+            if self.binary is not None:
+                self.binary.reset()
             entry[1](now)
+
+    def _forget(self) -> None:
+        self._send_buffer.clear()
+        self._block_done = None
 
     def _execute(self, now: Nanos) -> bool:
         """One step of execution; True if it changed anything."""
-        if self._block_time is None:
+        if self._block_time is None and self.binary is None:
             self.blocks_executed += self._send_buffer.count(self._eob)
             changed = bool(self._send_buffer)
             self._send_buffer.clear()
@@ -93,7 +110,16 @@ class Control:
             began, self._block_done = self._block_done, None
         else:
             began = now
-        return self._begin_block(began) or began != now
+        changed = self._begin_record(now) if self.binary and self.binary.active else self._begin_block(began)
+        if self.binary is not None and self.binary.stopped:
+            self._forget()
+            self._engine.alarm(now)
+            return False
+        return changed or began != now
+
+    def _begin_record(self, now: Nanos) -> bool:
+        assert self.binary is not None
+        return self.binary.step(self._send_buffer, now)
 
     def _begin_block(self, began: Nanos) -> bool:
         """The next whole block, or what stands before the end of the program, starts to execute at `began`."""
@@ -103,7 +129,8 @@ class Control:
         length = end + len(self._eob) if end >= 0 else len(self._send_buffer)
         if not length:
             return False
+        if self.binary is not None:
+            self.binary.sees(bytes(self._send_buffer[:length]))
         del self._send_buffer[:length]
-        assert self._block_time is not None
-        self._block_done = began + self._block_time
+        self._block_done = began + (self._block_time or 0)
         return True

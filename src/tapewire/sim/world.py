@@ -17,6 +17,7 @@ from tapewire.line.simulated import CableEnd, EndSettings, simulated_cable
 from tapewire.line.transport import Closed, Fault, LineItem
 from tapewire.protocols import ProtocolEntry, protocol
 from tapewire.protocols.settings import End
+from tapewire.sim.binary_operation import binary_operation
 from tapewire.sim.machine import Control
 from tapewire.sim.transcript import Transcript, Word, event_text
 
@@ -101,7 +102,8 @@ class World:
             has_signals=has_signals,
         )
         program = BytesIO()
-        control = Control(cnc, program, eob=entry.text(cnc_params).eob, **operator)
+        binary = binary_operation(entry.binary_input(cnc_params))
+        control = Control(cnc, program, eob=entry.text(cnc_params).eob, binary=binary, **operator)
         pair = self._wire(entry, host, cnc, control, program, near, far)
         host_words, cnc_words = entry.words(cnc_params)
         pair.host_link.on_item = _listener(pair.transcript, "cnc", cnc_words)

@@ -10,10 +10,11 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Final
 
-from tapewire.engine import Nanos, Outcome
+from tapewire.engine import CncEngine, Nanos, Outcome
 from tapewire.errors import UsageError
 from tapewire.line.open import TtyAddress
 from tapewire.line.transport import Transport
+from tapewire.sim.binary_operation import binary_operation
 from tapewire.sim.machine import Control
 from tapewire.transfer.files import StoredFile, open_save, why
 from tapewire.transfer.program import Program
@@ -93,6 +94,16 @@ class _Taken:
 STOP_CHARACTERS: Final = 3
 """A control stops its punch-out within two characters of CS OFF (6.1.1 2) (3) (a)): so many may be in flight."""
 
+
+def _details(cnc: CncEngine, control: Control) -> dict[str, int]:
+    """What goes out with the progress of a control."""
+    details: dict[str, int] = {"buffered": cnc.buffered, "blocks": control.blocks_executed}
+    if control.binary is not None and control.binary.records_executed:
+        details["records"] = control.binary.records_executed
+        details["interruptions"] = control.binary.interruptions
+    return details
+
+
 LINGER_S: Final = 1.0
 """After its end a control listens so long for the host to close, so that its last codes are not lost with the line."""
 
@@ -101,13 +112,16 @@ async def run_control(task: ControlTask, job: JobSettings) -> Result:
     """Open the line of `job`, do `task`, and say how it ended. Raises LineError, UsageError."""
     cnc = job.protocol.cnc(job.params)
     taken = _Taken(task.save)
+    is_dnc = task.operation is Operation.DNC
+    binary = binary_operation(job.protocol.binary_input(job.params)) if is_dnc else None
     control = Control(
         cnc,
         taken,
-        blocks_per_second=task.blocks_per_second if task.operation is Operation.DNC else None,
+        blocks_per_second=task.blocks_per_second if is_dnc else None,
         eob=job.protocol.text(job.params).eob,
         reset_after=task.reset_after,
         alarm_after=task.alarm_after,
+        binary=binary,
     )
     session = Session(
         job,
@@ -119,7 +133,7 @@ async def run_control(task: ControlTask, job: JobSettings) -> Result:
         application=control,
         paced_reception=True,
         linger_s=LINGER_S,
-        details=lambda: {"buffered": cnc.buffered, "blocks": control.blocks_executed},
+        details=lambda: _details(cnc, control),
     )
 
     def begin(transport: Transport, now: Nanos) -> None:

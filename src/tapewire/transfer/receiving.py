@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from tapewire.engine import Ended, HostEngine, Nanos, Notice, Outcome
+from tapewire.engine import Ended, Event, HostEngine, Nanos, Notice, Outcome
 from tapewire.errors import UsageError
 from tapewire.line.driver import monotonic
 from tapewire.line.transport import Transport
@@ -190,6 +190,9 @@ class _Backlog:
             self._host.release(now)
 
     def next_deadline(self) -> Nanos | None:
+        return None
+
+    def next_event(self) -> Event | None:
         return None
 
 

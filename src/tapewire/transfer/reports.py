@@ -33,7 +33,8 @@ class Progress:
     """How far a job is.
 
     `total` is None where nobody knows it. `rate` is in bytes a second and `share` of the line's capacity, both over
-    the time not held; `left_s` is the time left at that rate. `buffered` and `blocks` come from a simulated control.
+    the time not held; `left_s` is the time left at that rate. `buffered` and `blocks` come from a simulated control,
+    `records` and `interruptions` from one that is in binary input operation.
     """
 
     bytes: int
@@ -44,6 +45,8 @@ class Progress:
     left_s: float | None
     buffered: int | None = None
     blocks: int | None = None
+    records: int | None = None
+    interruptions: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

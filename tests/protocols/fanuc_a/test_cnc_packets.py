@@ -19,7 +19,7 @@ from tapewire.protocols.fanuc_a.packets import (
     encode_packet,
     packet_bytes,
 )
-from tapewire.protocols.fanuc_a.params import GtdAnswers, NakNumber, Naks, Params
+from tapewire.protocols.fanuc_a.params import NakNumber, Naks, Params
 from tapewire.protocols.fanuc_a.status import AlarmCause, BufferState
 from tapewire.protocols.settings import Switch
 from tests.protocols.fanuc_a.cnc_bench import PROGRAM, QUICK, Bench, quick
@@ -184,8 +184,37 @@ def test_the_loss_of_any_byte_of_a_packet_is_made_good(at: int) -> None:
     assert bench.take() == part(0) + part(1) + part(2) + b"\nM30\n%"
 
 
-def test_a_nak_that_was_lost_is_said_again_before_the_number_comes_round() -> None:
+AGAIN = quick(monitors_again=Switch.ON)
+
+
+def test_15_6_one_nak_for_an_error_and_none_for_the_stale_packets_behind_it() -> None:
     bench = packets().receive(bad(good(0)))
+    for index in range(1, 8):
+        bench.receive(good(index))
+    assert bench.monitors() == nak(0x30)
+    bench.receive(bad(good(0)))
+    assert bench.silent(0.1), "a character more than a packet holds may have been gained"
+    bench.receive(b"\x00")
+    assert bench.monitors() == nak(0x30), "one more error"
+    assert bench.engine.buffered == 0
+
+
+def test_5_2_2_a_what_is_here_already_is_in_improper_order() -> None:
+    bench = packets().receive(good(0)).receive(good(1)).receive(good(1))
+    assert bench.monitors() == nak(0x32)
+    bench.receive(good(2))
+    assert bench.take() == part(0) + part(1) + part(2)
+
+
+def test_15_6_behind_a_bad_effective_packet_the_end_packet_is_stale() -> None:
+    bench = packets().receive(bad(good(0))).receive(last())
+    assert bench.state is State.PACKETS
+    bench.receive(good(0)).receive(last())
+    assert bench.take() == part(0) + b"\nM30\n%"
+
+
+def test_a_nak_that_was_lost_is_said_again_before_the_number_comes_round() -> None:
+    bench = packets(AGAIN).receive(bad(good(0)))
     assert bench.monitors() == nak(0x30)
     for index in range(1, 1 + MOST_STALE):
         bench.receive(good(index))
@@ -196,7 +225,7 @@ def test_a_nak_that_was_lost_is_said_again_before_the_number_comes_round() -> No
 
 
 def test_a_host_that_obeys_both_naks_is_not_asked_for_what_is_here() -> None:
-    bench = packets().receive(bad(good(0)))
+    bench = packets(AGAIN).receive(bad(good(0)))
     for index in range(1, 2 + MOST_STALE):
         bench.receive(good(index))
     assert bench.monitors() == nak(0x30) * 2
@@ -209,7 +238,7 @@ def test_a_host_that_obeys_both_naks_is_not_asked_for_what_is_here() -> None:
 
 
 def test_the_end_packet_behind_a_repetition_of_what_is_here_ends_the_session() -> None:
-    bench = packets().receive(bad(good(0)))
+    bench = packets(AGAIN).receive(bad(good(0)))
     for index in range(1, 2 + MOST_STALE):
         bench.receive(good(index))
     bench.receive(good(0) + good(1) + good(0) + good(1) + last())
@@ -423,66 +452,20 @@ def test_reset_while_gtd_goes_out_says_can_at_once_behind_it() -> None:
     assert bench.state is State.PACKETS
 
 
-def test_a_can_that_was_lost_is_said_again() -> None:
+def test_5_3_1_can_is_said_once() -> None:
     bench = packets().reset()
+    for index in range(9):
+        bench.receive(good(index))
+    assert bench.monitors() == CAN
+    bench.receive(last())
+    assert bench.next() is C.RST
+
+
+def test_a_can_that_was_lost_is_said_again() -> None:
+    bench = packets(AGAIN).reset()
     assert bench.monitors() == CAN
     for index in range(MOST_STALE):
         bench.receive(good(index))
     assert bench.monitors() == b""
     bench.receive(good(MOST_STALE))
     assert bench.monitors() == CAN
-
-
-# what else may answer GTD
-
-
-def test_a_host_that_did_not_get_the_gtd_may_say_rty() -> None:
-    bench = packets().answer(C.RTY, b"1")
-    assert bench.next() is C.GTD
-    bench.receive(good(0))
-    assert bench.engine.buffered == 256
-
-
-def test_rty_behind_the_first_packet_is_not_understood() -> None:
-    bench = packets().receive(good(0)).answer(C.RTY, b"1")
-    assert bench.silent(1)
-
-
-def test_syn_at_the_place_of_a_packet_begins_anew() -> None:
-    bench = packets().receive(good(0)).answer(C.SYN)
-    assert bench.next() is C.SYN
-    assert bench.ended_as(Outcome.FAILED, "SYN")
-
-
-def test_by_default_a_message_in_place_of_packets_is_not_understood() -> None:
-    bench = packets().answer(C.WAT)
-    assert bench.run(20.1).alarms == ["SR944"]
-
-
-MESSAGES = quick(gtd_answers=GtdAnswers.MESSAGES)
-
-
-def test_with_messages_wat_makes_gtd_come_again() -> None:
-    bench = packets(MESSAGES).answer(C.WAT)
-    assert bench.silent(4.9)
-    assert bench.next(0.2) is C.GTD
-    bench.receive(last(PROGRAM))
-    assert bench.take() == PROGRAM
-
-
-def test_with_messages_eod_rdi_and_sdo_are_understood() -> None:
-    bench = packets(MESSAGES).answer(C.SDO, b"11")
-    assert bench.engine.do == 0x11
-    assert bench.next() is C.GTD
-    bench.answer(C.RDI)
-    assert bench.next() is C.SDI
-    bench.receive(good(0))
-    assert bench.engine.buffered == 256, "the packets are the answer that is still owed"
-    bench = packets(MESSAGES).answer(C.EOD)
-    assert bench.next(6) is C.SAT
-
-
-def test_a_packet_that_begins_like_a_message_is_a_packet() -> None:
-    data = (b"\nCGTD\r" + b"X" * 300)[:256]
-    bench = packets(MESSAGES).receive(encode_packet(0x30, data, 1))
-    assert bench.take() == data

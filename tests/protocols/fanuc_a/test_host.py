@@ -24,6 +24,7 @@ from tapewire.protocols.fanuc_a.messages import (
     Command,
     Message,
 )
+from tapewire.protocols.fanuc_a.packets import Kind
 from tapewire.protocols.fanuc_a.status import BufferState, Parameters
 from tests.protocols.fanuc_a.host_bench import PROGRAM, Bench, Trickle
 
@@ -36,7 +37,7 @@ class Test41:
     @pytest.mark.parametrize(("end", "byte"), [("cr", b"\r"), ("etx", b"\x03")])
     def test_a_program_with_the_end_code_is_refused_at_start(self, end: str, byte: bytes) -> None:
         bench = Bench(end=end)
-        with pytest.raises(UsageError, match=r"byte 4 of the program is 0[D3]h"):
+        with pytest.raises(UsageError, match=r"byte 4 is 0[D3]h"):
             bench.arm(b"%\nG" + byte + b"1\n%")
         assert bench.host.state is State.IDLE
         bench.arm()
@@ -51,7 +52,7 @@ class Test41:
         assert said == WAT
         assert bytes(taken) == PROGRAM[: len(taken)]
         assert (bench.ended.outcome, bench.ended.bytes_low) == (Outcome.FAILED, len(taken))
-        assert f"byte {len(PROGRAM) + 1} " in bench.ended.reason
+        assert f"byte {len(PROGRAM) + 1:,} " in bench.ended.reason
         assert bench.answer(Command.GTD) == WAT
 
     @pytest.mark.parametrize("code", ["ascii", "iso"])
@@ -245,11 +246,26 @@ class Test441:
         assert bench.say(Command.GTD) == b""
         assert bench.messages(bench.wait(0.5)) == [WAT]
 
-    def test_an_empty_program(self) -> None:
-        bench = Bench()
-        assert bench.sending(b"") == EOD
-        bench.sat(BufferState.OPERATING, 0)
-        assert (bench.ended.outcome, bench.ended.bytes_high) == (Outcome.COMPLETE, 0)
+    @pytest.mark.parametrize("expansion", [False, True])
+    def test_an_empty_program_is_refused(self, expansion: bool) -> None:
+        bench = Bench(expansion)
+        with pytest.raises(UsageError, match="the program is empty"):
+            bench.arm(b"")
+        assert bench.host.state is State.IDLE
+        bench.arm()
+
+    @pytest.mark.parametrize("expansion", [False, True])
+    def test_a_source_that_turns_out_empty_fails(self, expansion: bool) -> None:
+        """It had nothing yet when it was armed; EOD, or an end packet, would make it look like a program."""
+        source = Trickle()
+        bench = Bench(expansion)
+        bench.power_on()
+        bench.arm(source)
+        source.closed = True
+        said = bench.say(Command.GTD) + bench.wait(1)
+        assert (bench.ended.outcome, bench.ended.bytes_high) == (Outcome.FAILED, 0)
+        assert "the program is empty" in bench.ended.reason
+        assert {packet.kind for packet in bench.packets(said)} <= {Kind.INVALID} if expansion else said == b"F9WAT\r"
 
     def test_rst_cancels(self) -> None:
         bench = Bench()

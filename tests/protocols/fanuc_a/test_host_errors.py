@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tapewire.engine import (
+    SECOND,
     Closure,
     Ended,
     LineFault,
@@ -21,6 +22,7 @@ from tapewire.protocols.fanuc_a.messages import (
     ORIGINS,
     Coding,
     Command,
+    Error,
     Message,
     MessageReader,
     Origin,
@@ -30,6 +32,16 @@ from tapewire.protocols.fanuc_a.messages import (
 from tests.protocols.fanuc_a.host_bench import PROGRAM, Bench, Trickle
 
 WAT, EOD, SET = Message(command=Command.WAT), Message(command=Command.EOD), Message(command=Command.SET)
+
+
+def readings(said: bytes) -> list[Command | Error]:
+    """What a control makes of it."""
+    reader, position, found = MessageReader(Coding()), 0, []
+    while position < len(said):
+        position, reading = reader.read(said, position)
+        assert reading is not None
+        found.append(reading.error if isinstance(reading, Unreadable) else reading.command)
+    return found
 
 
 class Test46:
@@ -119,23 +131,102 @@ class Test46:
         bench.power_on()
         bench.arm()
         bench.host.receive_data(b"ECGTD\r", bench.now)
-        bench.pull(100)
-        assert bench.answer(Command.GTD) == WAT
+        said = bench.pull(100) + bench.say(Command.GTD)
+        assert readings(said) == [Error.CHECKSUM, Command.WAT]
         assert (bench.ended.outcome, bench.ended.bytes_low, bench.ended.bytes_high) == (Outcome.FAILED, 0, 95)
 
-    def test_rty_in_the_middle_of_a_dat_begins_it_again(self) -> None:
+
+class TestHeardInTheMiddleOfADat:
+    """A control that hears an end code in the noise asks for a repetition while we still speak (4.4.1 RTY)."""
+
+    def begun(self) -> tuple[Bench, bytes]:
         bench = Bench()
         bench.power_on()
         bench.arm()
         bench.host.receive_data(b"ECGTD\r", bench.now)
-        begun = bench.pull(100)
-        assert bench.say(Command.RTY, b"1")[:100] == begun
+        return bench, bench.pull(100)
+
+    def test_rty_never_replaces_the_rest(self) -> None:
+        """What follows would count as the rest of the DAT, with nothing but the sum to tell them apart."""
+        bench, said = self.begun()
+        dat = (said + bench.say(Command.RTY, b"1")).split(b"\r")
+        assert [len(part) for part in dat] == [5 + 3488, 0]
+        assert bench.say(Command.RTY, b"1") == dat[0] + b"\r", "the control has heard the rest and asks once more"
+
+    def test_a_control_that_heard_no_rest_gets_the_repetition(self) -> None:
+        bench, said = self.begun()
+        said += bench.say(Command.RTY, b"1")
+        assert bench.wait(0.14) == b""
+        assert bench.wait(0.1) == said
+        assert len(bench.all(Violation)) == 1
+
+    def test_a_control_that_goes_on_gets_its_answer(self) -> None:
+        bench, _ = self.begun()
+        bench.say(Command.RTY, b"1")
+        assert bench.answer(Command.GTD).data == PROGRAM[3488:6976]
+        assert bench.wait(0.5) == b""
+
+    def test_noise_draws_no_rty_before_the_end(self) -> None:
+        bench, _ = self.begun()
+        bench.host.receive_data(b"\x7f\r", bench.now)
+        said = bytearray()
+        for _ in range(10):
+            said += bench.pull(100)
+            bench.now += SECOND // 10
+            bench.host.handle_timer(bench.now)
+        assert b"RTY" not in said
+        rest = bytes(said) + bench.pull()
+        assert rest.endswith(b"\r")
+        assert bench.wait(0.1) == b""
+        assert bench.wait(0.1) == b"3DRTY1\r"
+
+    @pytest.mark.parametrize("handed", range(1, 12))
+    @pytest.mark.parametrize("said", [Command.RST, Command.ALM, Command.SYN, Command.SAT])
+    def test_an_answer_never_counts_as_the_rest(self, said: Command, handed: int) -> None:
+        bench = Bench()
+        bench.power_on()
+        bench.arm()
+        bench.host.receive_data(b"ECGTD\r", bench.now)
+        data = b"02000000" if said is Command.SAT else b""
+        heard = readings(bench.pull(handed) + bench.say(said, data))
+        assert (heard[0], len(heard)) == (Error.CHECKSUM, 2)
+        assert heard[1] in ANSWERS[said]
+
+    def test_a_set_that_is_interrupted(self) -> None:
+        bench = Bench()
+        bench.answer(Command.SYN)
+        bench.host.receive_data(encode_message(Message(command=Command.SAT, data=b"01000000"), Coding()), bench.now)
+        assert readings(bench.pull(20) + bench.say(Command.SYN)) == [Error.CHECKSUM, Command.SYN]
+
+    def test_an_interrupted_interruption(self) -> None:
+        bench, said = self.begun()
+        bench.host.receive_data(b"06RST\r", bench.now)
+        said += bench.pull(3)
+        bench.host.receive_data(b"E7ALM\r", bench.now)
+        said += bench.pull()
+        assert readings(said) == [Error.CHECKSUM, Error.CHECKSUM, Command.AAL]
+
+    @pytest.mark.parametrize("recalled", range(101))
+    def test_what_is_called_back_then(self, recalled: int) -> None:
+        bench = Bench()
+        bench.power_on()
+        bench.arm(PROGRAM[:89])
+        bench.host.receive_data(b"ECGTD\r", bench.now)
+        dat = bench.host.data_to_send(100)
+        bench.host.data_sent(min(len(dat), 100), bench.now)
+        bench.host.receive_data(b"06RST\r", bench.now)
+        assert bench.host.recall
+        count = min(recalled, len(dat))
+        bench.host.data_discarded(count, bench.now)
+        heard = readings(dat[: len(dat) - count] + bench.pull())
+        partly = [] if count == len(dat) else [Command.DAT if not count else Error.CHECKSUM]
+        assert heard == [*partly, Command.ARS]
 
 
 class TestAbort:
     """A job that is given up here never looks whole (8.2)."""
 
-    @pytest.mark.parametrize("handed", [1, 2, 5, 6, 7, 100, 3490])
+    @pytest.mark.parametrize("handed", [1, 2, 5, 6, 7, 100, 3490, 3493])
     def test_a_dat_under_way_is_cut_so_that_it_cannot_be_taken(self, handed: int) -> None:
         bench = Bench()
         bench.power_on()

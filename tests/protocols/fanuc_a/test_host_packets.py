@@ -180,10 +180,6 @@ class Test52:
         assert bench.ended.outcome is Outcome.COMPLETE
         assert bench.packets(bench.say(Command.GTD)) == end_only
 
-    def test_an_empty_program(self) -> None:
-        bench = expansion()
-        assert bench.packets(bench.streaming(b"")) == [Packet(number=0xFF, data=fill(b"%"))]
-
 
 class Test53:
     """Monitor packets; the examples of 5.4."""

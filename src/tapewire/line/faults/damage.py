@@ -8,7 +8,7 @@ from tapewire.engine import LineFault
 from tapewire.line.faults.chance import Stream
 from tapewire.line.transport import Fault
 
-__all__ = ["DATA_BITS", "Parity", "flipped", "garbled", "misreadings"]
+__all__ = ["DATA_BITS", "Parity", "flipped", "garbled", "misreadings", "truncated"]
 
 DATA_BITS = 8
 
@@ -40,6 +40,16 @@ def garbled(stream: Stream, parity: Parity) -> bytes | Fault:
     return bytes((byte,))
 
 
+def truncated(byte: int, bits: int, parity: Parity) -> bytes | Fault | None:
+    """What is read of a character whose sender lost its power after `bits` of its bits: the wire falls back to idle,
+    which reads as ones. None when not even the start bit was sent.
+    """
+    if bits < 1:
+        return None
+    sent = _frame(byte, parity)
+    return _read([*sent[:bits], *[1] * (len(sent) - bits)], parity)
+
+
 def misreadings(percent: float, parity: Parity) -> tuple[bytes | Fault, ...]:
     """What a receiver whose clock is `percent` faster reads of each of the 256 characters, each sent alone.
 
@@ -49,15 +59,23 @@ def misreadings(percent: float, parity: Parity) -> tuple[bytes | Fault, ...]:
 
 
 def _misread(byte: int, speed: float, parity: Parity) -> bytes | Fault:
+    sent = _frame(byte, parity)
+    return _read([_level(sent, (place + 0.5) / speed) for place in range(len(sent))], parity)
+
+
+def _frame(byte: int, parity: Parity) -> list[int]:
+    """The bits of a character in their order: start, data, parity or the first of two stop bits, stop."""
     check = byte.bit_count() & 1 if parity is Parity.CHECKED else 1
-    sent = [0, *(byte >> place & 1 for place in range(DATA_BITS)), check, 1]
-    read = [_level(sent, (place + 0.5) / speed) for place in range(len(sent))]
-    seen = sum(bit << place for place, bit in enumerate(read[1 : 1 + DATA_BITS]))
-    if not read[-1] or (parity is Parity.NONE and not read[-2]):
-        return Fault(fault=LineFault.FRAMING, byte=seen)
-    if parity is Parity.CHECKED and read[-2] != seen.bit_count() & 1:
-        return Fault(fault=LineFault.PARITY, byte=seen)
-    return bytes((seen,))
+    return [0, *(byte >> place & 1 for place in range(DATA_BITS)), check, 1]
+
+
+def _read(bits: list[int], parity: Parity) -> bytes | Fault:
+    byte = sum(bit << place for place, bit in enumerate(bits[1 : 1 + DATA_BITS]))
+    if not bits[-1] or (parity is Parity.NONE and not bits[-2]):
+        return Fault(fault=LineFault.FRAMING, byte=byte)
+    if parity is Parity.CHECKED and bits[-2] != byte.bit_count() & 1:
+        return Fault(fault=LineFault.PARITY, byte=byte)
+    return bytes((byte,))
 
 
 def _level(sent: list[int], bit_times: float) -> int:

@@ -201,6 +201,11 @@ class Injector:
 
     # characters
 
+    @property
+    def spared(self) -> int:
+        """How many characters pass before the next one that a fault hits."""
+        return min((rule.due for rule in self._rules), default=NEVER) - self.seen
+
     def passes(self, count: int) -> bool:
         """True when nothing happens to the next `count` characters, and they have passed."""
         if self.seen + count > self._due:

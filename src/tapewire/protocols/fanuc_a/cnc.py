@@ -87,7 +87,7 @@ class FanucACnc:
     def __init__(self, params: Params) -> None:
         self._params = params
         self._events = Events()
-        self._job = Job(self._events, params.data)
+        self._job = Job(self._events, params.data, params.g05.record_bytes)
         self._line = Dialogue(params, self._job, self._events)
         self._powered = False
         self._signals_in = SignalsIn()
@@ -400,8 +400,9 @@ class FanucACnc:
         return stop
 
     def _peek(self, session: PacketSession, peek: MessageReader, data: bytes, position: int, now: Nanos) -> int:
-        """Chapter 5 does not say what else may answer GTD, and a sum of protocol A looks like a packet number. A whole
-        message with a right sum at the place of a packet is taken for one."""
+        """Chapter 5 has nothing but packets from GTD to the end packet. Where a setting lets a message be heard among
+        them, it must be whole, its sum right, and it must stand where a packet may begin: its first character looks
+        like a packet number."""
         end = min(len(data), position + LONGEST_AMONG_PACKETS - peek.pending)
         stop, reading = peek.read(data[:end], position)
         if isinstance(reading, Message) and self._understood(session, reading.command):
@@ -415,10 +416,11 @@ class FanucACnc:
         return stop
 
     def _understood(self, session: PacketSession, command: Command) -> bool:
+        heard = MESSAGES_AMONG_PACKETS[self._params.among_packets]
         if not session.at_start:
-            return command is Command.SYN
-        messages = self._params.gtd_answers is GtdAnswers.MESSAGES
-        return (State.PACKETS, command) in LAW and (messages or command in MESSAGES_AMONG_PACKETS)
+            return command in heard and command is Command.SYN
+        answers = self._params.gtd_answers is GtdAnswers.MESSAGES
+        return (State.PACKETS, command) in LAW and (answers or command in heard)
 
     def _judge(self, session: PacketSession, verdict: Verdict, now: Nanos) -> None:
         line = self._line

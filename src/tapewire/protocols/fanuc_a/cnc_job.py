@@ -34,9 +34,10 @@ class Job:
     `received` and `taken` count bytes of program, with EOR, into the buffer and out of it.
     """
 
-    def __init__(self, events: Events, code: DataCode) -> None:
+    def __init__(self, events: Events, code: DataCode, record_bytes: int | None = None) -> None:
         self._events = events
         self._code = code
+        self._record_bytes = record_bytes
         self._buffer = bytearray()
         self._end: Ended | None = None
         self._begin(Phase.NONE)
@@ -51,7 +52,7 @@ class Job:
         """As `program_ended`, until RESET."""
         self.no_more = False
         """GTD does not go out: the host has nothing more for it."""
-        self._scanner = TapeScanner(self._code)
+        self._scanner = TapeScanner(self._code, self._record_bytes)
         self._after_eor = 0
         self._said_after_eor = False
         self._said_after_end = False

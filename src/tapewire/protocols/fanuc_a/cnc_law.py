@@ -12,6 +12,7 @@ from typing import Final
 
 from tapewire.fanuc.alarms import AlarmNumber
 from tapewire.protocols.fanuc_a.messages import Command
+from tapewire.protocols.fanuc_a.params import AmongPackets
 
 __all__ = ["AWAITED", "DEAF", "LAW", "MESSAGES_AMONG_PACKETS", "Act", "Refusal", "State", "Timer", "refusal"]
 
@@ -119,9 +120,13 @@ LAW: Final[Mapping[tuple[State, Command], Act]] = {
 }
 """(state, what the host says) -> what the control does."""
 
-MESSAGES_AMONG_PACKETS: Final = frozenset({_C.SYN, _C.RTY})
-"""What is understood where a packet may begin, whatever `gtd_answers` says: a host that did not get the GTD, and one
-that begins anew. The other rows of PACKETS need `gtd_answers=messages`."""
+MESSAGES_AMONG_PACKETS: Final[Mapping[AmongPackets, frozenset[Command]]] = {
+    AmongPackets.NONE: frozenset(),
+    AmongPackets.RTY: frozenset({_C.RTY}),
+    AmongPackets.SYN: frozenset({_C.RTY, _C.SYN}),
+}
+"""What `among_packets` lets be understood where a packet may begin: a host that did not get the GTD, and one that
+begins anew. The other rows of PACKETS need `gtd_answers=messages`."""
 
 _RESPONSES: Final = frozenset({_C.SYN, _C.RDY, _C.ARS, _C.AAL, _C.SET, _C.DAT, _C.WAT, _C.EOD, _C.CLB, _C.RDI, _C.SDO})
 

@@ -5,7 +5,8 @@
     R: GTD    H: P30 P31 [R: CAN during P31]           H: PFF (dummy)   R: RST
 
 A session lasts from a GTD to the end packet. It accepts the packet whose number is next and nothing else. There is no
-positive answer: what is wrong is asked for again by NAK, and until that comes everything is passed over.
+positive answer: what is wrong is asked for again by NAK, once for each error, and until that comes everything is passed
+over.
 """
 
 from __future__ import annotations
@@ -28,13 +29,14 @@ from tapewire.protocols.fanuc_a.packets import (
     encode_monitor,
     next_number,
 )
-from tapewire.protocols.fanuc_a.params import NakNumber, Naks, Params
+from tapewire.protocols.fanuc_a.params import AmongPackets, GtdAnswers, NakNumber, Naks, Params
 from tapewire.protocols.fanuc_a.status import Parameters
+from tapewire.protocols.settings import Switch
 
 __all__ = ["LONGEST_AMONG_PACKETS", "MOST_STALE", "PacketSession", "Verdict"]
 
 MOST_STALE: Final = 4
-"""Packets passed over before the control says its NAK, or its CAN, again.
+"""With `monitors_again=on`: packets passed over before the control says its NAK, or its CAN, again.
 
 A host finishes the packet it is sending and then obeys, so one or two are stale, or a few where much is under way.
 Nine would bring the awaited number back on a packet ten later: a NAK that was lost must not go unnoticed so long.
@@ -57,7 +59,7 @@ class PacketSession:
     """From one GTD to the end packet.
 
     The engine feeds `reader`, and `peek` with the first characters of a packet, which may be a message of protocol A.
-    `peek` is None where none can begin.
+    `peek` is None where none can begin, or none would be heard.
     """
 
     def __init__(self, params: Params, parameters: Parameters, job: Job, events: Events) -> None:
@@ -91,8 +93,12 @@ class PacketSession:
     # what comes in
 
     def look_for_message(self) -> None:
-        """A packet, or a message of protocol A, begins with the next character."""
-        self.peek = MessageReader(self._params.coding, longest=LONGEST_AMONG_PACKETS)
+        """A packet begins with the next character, or where a setting has it, a message of protocol A."""
+        params = self._params
+        answers = self.at_start and params.gtd_answers is GtdAnswers.MESSAGES
+        among = params.among_packets
+        heard = answers or among is AmongPackets.SYN or (self.at_start and among is AmongPackets.RTY)
+        self.peek = MessageReader(params.coding, longest=LONGEST_AMONG_PACKETS) if heard else None
 
     def heard(self, count: int) -> None:
         """Characters have come in, whatever they are."""
@@ -144,6 +150,11 @@ class PacketSession:
     # 5.3 2): retransmission
 
     @property
+    def _again(self) -> bool:
+        """What was not obeyed is said again, and what is then obeyed twice is no error."""
+        return self._params.monitors_again is Switch.ON
+
+    @property
     def _rewinding(self) -> bool:
         return self._awaiting and not self._naks
 
@@ -154,7 +165,8 @@ class PacketSession:
 
     def _out_of_order(self, number: int) -> Verdict:
         self._last_stale = number
-        if self._rewinds and number == self._asked_for and self._ahead <= MOST_STALE:
+        known = self._again and self._rewinds and number == self._asked_for
+        if known and self._ahead <= MOST_STALE:
             # The host obeys a NAK for what has come meanwhile: nothing is missing, and a NAK for what it has not sent
             # yet would name a packet ten before.
             self._rewinds -= 1
@@ -168,7 +180,7 @@ class PacketSession:
     def _pass_over(self, number: int) -> Verdict:
         self._last_stale = number if number in NUMBERS else None
         self._stale += 1
-        if self._stale > MOST_STALE or self._params.naks is Naks.PACKET:
+        if (self._again and self._stale > MOST_STALE) or self._params.naks is Naks.PACKET:
             return self._nak(number, f"packet {number:02X} where {self._expected:02X} was asked for")
         return Verdict.GO_ON
 
@@ -209,7 +221,7 @@ class PacketSession:
         if number == END_NUMBER:
             return Verdict.END
         self._stale += 1
-        if self._stale > MOST_STALE:
+        if self._again and self._stale > MOST_STALE:
             self._stale = 0
             self._events.put(Violation(what=f"more than {MOST_STALE} packets after CAN"))
             self._want(Monitor.CAN)

@@ -55,19 +55,18 @@ class FanucAHost(HostLine):
 
     def start(self, source: Source, now: Nanos) -> None:
         """Arm a program; it starts with the next GTD of a control that stands at a beginning (SYN, RST, ALM, CAN, or
-        SAT in another state than operating, since the last data). Raises UsageError while a job is under way, and when
-        the first bytes hold the end code (4.1); where a later one does, the job fails before that is sent.
+        SAT in another state than operating, since the last data). Raises UsageError while a job is under way, when the
+        program is empty, and when its first bytes cannot be sent (4.1: they hold the end code); where later ones
+        cannot, the job fails before they are sent.
         """
         if self._state in UNDER_WAY or self._ending is not None:
             raise UsageError(f"a job is under way ({self._state.value}); abort it or wait for its end")
         if self._closed:
             raise UsageError("the line is gone; open it anew")
-        job = Job(source, self._params.data)
-        if not self._params.packet_n:
-            job.supply(LONGEST_DAT)
-            refusal = self._refusal(job, LONGEST_DAT)
-            if refusal:
-                raise UsageError(refusal)
+        job = Job(source, self._params)
+        job.supply(LONGEST_DAT)
+        if job.refusal:
+            raise UsageError(job.refusal)
         self._job = job
         self._state = State.ARMED
         self._drop_wishes()
@@ -403,14 +402,14 @@ class FanucAHost(HostLine):
         if supply is Supply.LATE and not late:
             self._wait_for_source(now)
             return
-        refusal = self._refusal(job, longest)
-        if refusal:
-            self._fail_unsent(refusal, now)
+        if job.refusal:
+            self._fail_unsent(job.refusal, now)
             return
         self._poll.begin()
         self._timers.stop(Timer.WAT)
         if not job.at_hand:
-            self._say_nothing_at_hand(supply)
+            self._state = self._state if supply is Supply.LATE else State.DELIVERED
+            self._say(Command.WAT if supply is Supply.LATE else Command.EOD)
             return
         if self._state is State.ARMED:
             self._state = State.SENDING
@@ -419,31 +418,11 @@ class FanucAHost(HostLine):
         data = job.take(longest)
         self._say(Command.DAT, data, Span(base=base, header=DAT_HEADER, length=len(data)))
 
-    def _say_nothing_at_hand(self, supply: Supply) -> None:
-        if supply is Supply.LATE:
-            self._say(Command.WAT)
-            return
-        if self._state is State.ARMED:
-            self._begin_program("GTD: the program is empty")
-        self._state = State.DELIVERED
-        self._say(Command.EOD)
-
     def _wait_for_source(self, now: Nanos) -> None:
         """Never so long that the control would time out (To)."""
         self._poll.again(now)
         if not self._timers.running(Timer.WAT):
             self._timers.start(Timer.WAT, now + min(round(self._params.wat_after * SECOND), self._agreement.to // 2))
-
-    def _refusal(self, job: Job, size: int) -> str:
-        """Why the next `size` bytes cannot be sent; empty when they can (4.1)."""
-        end = self._params.coding.end_byte
-        offset = job.offset_of(end, size)
-        if offset is None:
-            return ""
-        return (
-            f"byte {offset + 1} of the program is {end[0]:02X}h, the end code of every message: remove it, or change "
-            "the end code (5000#3) or the code (5000#2) of control and host"
-        )
 
     def _fail_unsent(self, reason: str, now: Nanos) -> None:
         self._end(Outcome.FAILED, reason, now)
@@ -467,7 +446,7 @@ class FanucAHost(HostLine):
 
     def _on_rty(self, now: Nanos) -> None:
         self._events.put(Violation(what="the control asks for a repetition (RTY)"))
-        if self._exchange.say_again():
+        if self._exchange.say_again(now):
             self._answer = self._exchange.last
         else:
             self._interrupt(Outcome.FAILED, TOO_OFTEN, now)

@@ -9,13 +9,15 @@ from typing import Final
 
 from tapewire.engine import MILLISECOND, SECOND, Nanos
 from tapewire.protocols.fanuc_a.messages import LONGEST_DAT
-from tapewire.protocols.fanuc_a.params import Params, SetData
+from tapewire.protocols.fanuc_a.params import Params, SetData, Switching
 from tapewire.protocols.fanuc_a.status import POWER_ON, Parameters, Setting, Status
 
 __all__ = ["Agreement"]
 
 MOST_TRIES: Final = 3
 """A control that has not taken a SET by then will not: it is told no more, and what its SAT says holds."""
+
+_DIGITS: Final = frozenset("0123456789ABCDEF")
 
 
 class Agreement:
@@ -27,6 +29,7 @@ class Agreement:
         self._reported = POWER_ON
         self._asked: Parameters | None = None
         self._tries = 0
+        self._switching = "0"
         self.settled = False
         """A SET with data has been sent since the control was last initialised."""
         self.refused = False
@@ -43,6 +46,8 @@ class Agreement:
         """A SAT says what is in force now."""
         self._asked = None
         self._reported = status.parameters
+        # A blank there is a position that this control does not use.
+        self._switching = status.switching if status.switching in _DIGITS else "0"
         if self._reported == self._wanted:
             self._tries = 0
         self.refused = self._reported != self._wanted and self._tries >= MOST_TRIES
@@ -60,8 +65,9 @@ class Agreement:
         self.settled = True
         self._tries += differs
         self._asked = self._wanted
-        setting = Setting(switching=f"{self._params.switching:X}", parameters=self._wanted)
-        return setting.encode(int(self._params.set_length))
+        asked = self._params.switching
+        switching = self._switching if asked is Switching.ECHO else asked.value
+        return Setting(switching=switching, parameters=self._wanted).encode(int(self._params.set_length))
 
     @property
     def differences(self) -> str:
@@ -101,6 +107,13 @@ class Agreement:
         """
         n = self.base.n if self._tries <= 1 else self._reported.n
         return n if n in (1, 2, 4) else 0
+
+    @property
+    def no(self) -> int:
+        """Characters that may still come after RS OFF (4.3 (5)). A control that takes packets has taken the SET that
+        made them, and No with it.
+        """
+        return self.base.no if self.n else min(parameters.no for parameters in self._possible)
 
     @property
     def ne(self) -> int:

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final, TypeAlias
 
-from tapewire.engine import MILLISECOND, SECOND, Nanos, Timers
+from tapewire.engine import SECOND, Nanos, Timers
 from tapewire.protocols.fanuc_a.host_agreement import Agreement
 from tapewire.protocols.fanuc_a.host_law import Timer
 from tapewire.protocols.fanuc_a.host_outbox import Outbox, Span
@@ -27,12 +27,6 @@ __all__ = ["Exchange", "Heard"]
 
 Heard: TypeAlias = Reading | MonitorPacket | BadMonitor
 
-QUIET: Final[Nanos] = 50 * MILLISECOND
-"""RTY goes out when what could not be read is over: the control hears nothing while it sends (4.6 3))."""
-
-_QUIET_CHARACTERS: Final = 12
-"""On a slow line the pause is longer: twice the shortest message."""
-
 _LONGEST_MESSAGE: Final = LONGEST_DATA + 6
 
 
@@ -46,7 +40,8 @@ class Exchange:
         self._last: tuple[Message, Span | None] | None = None
         self._heard_at: Nanos | None = None
         self._retries = 0
-        self.outbox = Outbox()
+        self._overlapped = False
+        self.outbox = Outbox(params.coding)
         self.reader = HostReader(params.coding, longest=LONGEST_DATA)
 
     def begin(self, now: Nanos) -> None:
@@ -87,30 +82,60 @@ class Exchange:
         return self.reader.break_off()
 
     def wait_for_quiet(self, now: Nanos) -> None:
+        """RTY goes out when what could not be read is over: the control hears nothing while it sends (4.6 3))."""
         self._timers.stop(Timer.INTERBYTE)
-        self._timers.start(Timer.QUIET, now + self.quiet_time)
+        self._overlapped = self._overlapped or not self.outbox.idle
+        self._timers.start(Timer.QUIET, now + self.outbox.quiet_time)
+
+    def wait_for_turn(self, timer: Timer, now: Nanos) -> bool:
+        """True: what is due at `timer` waits until ours is out, and the control has had the time to answer it.
+
+        What was heard while we spoke was noise, or RTY of a control that has heard an end code in the noise. It hears
+        the rest of ours and asks once more; if it does not, what is due is due.
+        """
+        due = now
+        if not self.outbox.idle:
+            due += self.turn_time
+        elif self._overlapped:
+            due = (self.outbox.left_at or 0) + self.turn_time
+        if due > now:
+            self._timers.start(timer, due)
+            return True
+        self._overlapped = False
+        return False
 
     @property
-    def quiet_time(self) -> Nanos:
-        rate = self.outbox.rate
-        return QUIET + (_QUIET_CHARACTERS * SECOND // rate if rate else 0)
+    def turn_time(self) -> Nanos:
+        """Tx, and what a computer takes: after so long the control has begun to answer."""
+        return self._agreement.turn_time + self.outbox.quiet_time
 
     # saying
 
     def say(self, message: Message, span: Span | None = None) -> None:
         self._last = message, span
-        self.outbox.put(encode_message(message, self._params.coding), span)
+        self.outbox.say(encode_message(message, self._params.coding), span)
 
     def say_next_time(self, message: Message) -> None:
         """Draw back what was said last: a RTY gets this instead."""
         self._last = message, None
 
-    def say_again(self) -> bool:
-        """RTY: an own RTY counts as the message before. Going back to the DAT before that could bring it twice."""
+    def say_again(self, now: Nanos) -> bool:
+        """RTY: an own RTY counts as the message before. Going back to the DAT before that could bring it twice.
+
+        While ours is still on its way the answer is postponed. False when it has been done too often (4.6 2) (1)).
+        """
         if self._last is None or self._out_of_retries():
             return False
-        self.say(*self._last)
+        self._overlapped = not self.outbox.idle
+        if self._overlapped:
+            self._timers.start(Timer.REPEAT, now + self.turn_time)
+        else:
+            self.repeat()
         return True
+
+    def repeat(self) -> None:
+        assert self._last is not None
+        self.say(*self._last)
 
     def ask_again(self) -> bool:
         """Say RTY; False when that has been done too often (15.10)."""
@@ -134,6 +159,7 @@ class Exchange:
             self._retries = 0
 
     def _out_of_retries(self) -> bool:
+        """One more; True when that is more than Ne."""
         self._retries += 1
         return self._retries > self._agreement.ne
 

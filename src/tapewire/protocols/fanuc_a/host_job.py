@@ -7,6 +7,8 @@ from enum import Enum
 from tapewire.codes import EOR_CODES, DataCode
 from tapewire.engine import Source
 from tapewire.fanuc.tape import TapeScanner
+from tapewire.protocols.fanuc_a.params import Params
+from tapewire.protocols.fanuc_a.program import EMPTY, Scrutiny
 
 __all__ = ["Job", "Supply", "end_of_record"]
 
@@ -25,12 +27,15 @@ class Supply(Enum):
 class Job:
     """One program on its way. `taken` bytes of it have been put into DATs or packets."""
 
-    def __init__(self, source: Source, data: DataCode) -> None:
+    def __init__(self, source: Source, params: Params) -> None:
         self._source = source
         self._ahead = bytearray()
         self._exhausted = False
-        self._tape = TapeScanner(data)
+        self._tape = TapeScanner(params.data, params.g05.record_bytes)
+        self._scrutiny = Scrutiny(params)
         self.taken = 0
+        self.refusal = ""
+        """Why nothing of what has been read ahead may be sent; empty while it may."""
 
     def supply(self, size: int) -> Supply:
         """Read ahead until `size` bytes and one more are at hand, or the source has no more for now."""
@@ -40,6 +45,9 @@ class Job:
                 return Supply.LATE
             self._exhausted = not chunk
             self._ahead += chunk
+            self.refusal = self.refusal or self._scrutiny.look(chunk)
+        if self._exhausted and not self.taken and not self._ahead:
+            self.refusal = EMPTY
         return Supply.LAST if len(self._ahead) <= size else Supply.FULL
 
     @property
@@ -51,11 +59,6 @@ class Job:
     def all_taken(self) -> bool:
         """The source has ended and nothing is left of it."""
         return self._exhausted and not self._ahead
-
-    def offset_of(self, byte: bytes, size: int) -> int | None:
-        """Where in the program `byte` stands, if it is among the next `size` bytes."""
-        found = self._ahead.find(byte, 0, size)
-        return None if found < 0 else self.taken + found
 
     def take(self, size: int) -> bytes:
         """The next bytes, at most `size`."""

@@ -42,6 +42,8 @@ class Timer(Enum):
     """A message has begun and does not go on."""
     QUIET = "quiet"
     """What could not be read is over: now it can be asked for again."""
+    REPEAT = "repeat"
+    """RTY came while our own message was on its way: when that is out, and no other RTY has come, it is repeated."""
     CROSSED = "crossed"
     """A good message came after our own RTY: the repetition may still follow, and only one of them is answered."""
     SOURCE = "source poll"
@@ -51,6 +53,12 @@ class Timer(Enum):
     """The same among packets: an invalid packet is due (5.2 2) c))."""
     DAMAGED = "damaged wait"
     """A monitor packet could not be read: the transfer is held for so long."""
+    NEXT = "next packet"
+    """So little of the packet before is still to leave that the next one is begun."""
+    VERDICT = "verdict"
+    """A packet was sent again that may have been there already: NAK for the one behind it may follow."""
+    HELD = "held limit"
+    """RS OFF, or DC3, for longer than the operator lets it last."""
     LEAVING = "leaving"
     """The job is over; the last answer is on its way."""
 
@@ -94,14 +102,14 @@ LAW: Final[dict[tuple[State, Command], Row]] = {
     (_S.DELIVERED, Command.SAT): _row(Command.SAT, _S.DELIVERED, *_OVER),
     (_S.FINISHED, Command.SAT): _row(Command.SAT, *_OVER),
     (_S.IDLE, Command.GTD): _row(Command.GTD, _S.IDLE),
-    (_S.ARMED, Command.GTD): _row(Command.GTD, _S.ARMED, _S.SENDING, _S.STREAMING, _S.DELIVERED, _S.IDLE),
+    (_S.ARMED, Command.GTD): _row(Command.GTD, _S.ARMED, _S.SENDING, _S.STREAMING, _S.IDLE),
     (_S.SENDING, Command.GTD): _row(Command.GTD, _S.SENDING, _S.DELIVERED, _S.IDLE),
     (_S.STREAMING, Command.GTD): _row(Command.GTD, _S.IDLE),
     (_S.AWAITING, Command.GTD): _row(Command.GTD, _S.DELIVERED, _S.IDLE),
     (_S.DELIVERED, Command.GTD): _row(Command.GTD, _S.DELIVERED),
     (_S.FINISHED, Command.GTD): _row(Command.GTD, _S.FINISHED),
     (_S.IDLE, Command.SDI): _row(Command.SDI, _S.IDLE),
-    (_S.ARMED, Command.SDI): _row(Command.SDI, _S.ARMED, _S.SENDING, _S.DELIVERED, _S.IDLE),
+    (_S.ARMED, Command.SDI): _row(Command.SDI, _S.ARMED, _S.SENDING, _S.IDLE),
     (_S.SENDING, Command.SDI): _row(Command.SDI, _S.SENDING, _S.DELIVERED, _S.IDLE),
     (_S.DELIVERED, Command.SDI): _row(Command.SDI, _S.DELIVERED),
     (_S.FINISHED, Command.SDI): _row(Command.SDI, _S.FINISHED),

@@ -47,6 +47,9 @@ UNDER_WAY: Final = BEGUN | {State.ARMED}
 
 NOT_EXECUTED: Final = "delivered whole, not executed"
 
+UNNOTICED: Final = 16
+"""Characters that may leave between RS OFF and our hearing of it: what a UART's FIFO holds."""
+
 BETWEEN_JOBS: Final = (Command.CLB, Command.SYN)
 """What would spoil a job under way."""
 
@@ -65,6 +68,7 @@ class HostLine(ABC):
         self._exchange = Exchange(params, self._agreement, self._timers)
         self._outbox = self._exchange.outbox
         self._rs = True
+        self._sees_rs = False
         self._er = False
         self._closed = False
         self._recall = False
@@ -119,6 +123,7 @@ class HostLine(ABC):
     def receive_signals(self, signals: SignalsIn, now: Nanos) -> None:
         """Host CTS is the control's RS, host DSR its ER (3.2)."""
         self._exchange.begin(now)
+        self._sees_rs = True
         if signals.cts != self._rs:
             self._rs = signals.cts
             if not self._outbox.empty:
@@ -144,7 +149,16 @@ class HostLine(ABC):
     # to the line
 
     def data_to_send(self, limit: int) -> bytes:
-        return self._outbox.look(limit) if self._rs and not self._closed and not self._recall else b""
+        if not self._rs or self._closed or self._recall:
+            return b""
+        return self._outbox.look(min(limit, self._tolerated) if self._sees_rs else limit)
+
+    @property
+    def _tolerated(self) -> int:
+        """What may be handed over so that RS OFF never finds more than No on its way (4.3 (5)): the No that is certain
+        to be in force is 50 until a SAT has confirmed the SET. A line that does not show RS is not stopped by it.
+        """
+        return max(max(1, self._agreement.no - UNNOTICED) - self._outbox.in_flight, 0)
 
     def data_sent(self, count: int, now: Nanos) -> None:
         self._outbox.hand_over(count, now)
@@ -164,7 +178,7 @@ class HostLine(ABC):
             if self._outbox.untouched:
                 self._exchange.say(Message(command=Command.WAT))
             elif not self._outbox.empty:
-                self._outbox.break_off(self._params.coding)
+                self._outbox.break_off()
         self._settle(now)
 
     @property
@@ -198,14 +212,21 @@ class HostLine(ABC):
                 if broken is not None:
                     self._hear(broken, now)
             case Timer.QUIET:
-                if not self._exchange.ask_again():
+                if not self._exchange.wait_for_turn(Timer.QUIET, now) and not self._exchange.ask_again():
                     self._interrupt(Outcome.FAILED, TOO_OFTEN, now)
+            case Timer.REPEAT:
+                if not self._exchange.wait_for_turn(Timer.REPEAT, now):
+                    self._exchange.repeat()
             case Timer.CROSSED:
                 self._on_crossed(now)
             case Timer.SOURCE | Timer.WAT if not self._streaming.active:
                 self._send_dat(now, late=timer is Timer.WAT)
             case Timer.KEEP_ALIVE:
                 self._streaming.keep_alive()
+            case Timer.VERDICT:
+                self._streaming.no_verdict()
+            case Timer.HELD:
+                self._interrupt(Outcome.FAILED, f"held for longer than held_limit={self._params.held_limit:g} s", now)
             case Timer.DAMAGED:
                 self._interrupt(Outcome.FAILED, "a monitor packet could not be read and nothing came after it", now)
             case Timer.LEAVING:
@@ -213,14 +234,23 @@ class HostLine(ABC):
 
     def _settle(self, now: Nanos) -> None:
         """After every call: the next packet, the watch for silence, the end of a job."""
-        problem = self._streaming.pump(now)
+        problem = self._streaming.pump(now, hearing=self._exchange.reader.pending > 0)
         if problem:
             self._interrupt(Outcome.FAILED, problem, now)
-        ours = any(self._timers.running(timer) for timer in (Timer.WAT, Timer.QUIET, Timer.CROSSED))
+        self._watch_hold(now)
+        ours = any(self._timers.running(timer) for timer in (Timer.WAT, Timer.QUIET, Timer.REPEAT, Timer.CROSSED))
         if not self._closed:
             self._exchange.watch(not ours and not self._streaming.our_turn, now)
         if self._outbox.idle and not self._recall:
             self._finish()
+
+    def _watch_hold(self, now: Nanos) -> None:
+        """A feed hold lasts as long as it lasts, so there is a limit only where a person has set one."""
+        held = self._streaming.held or (not self._rs and not self._outbox.empty)
+        if not (held and self._state in BEGUN and self._params.held_limit):
+            self._timers.stop(Timer.HELD)
+        elif not self._timers.running(Timer.HELD):
+            self._timers.start(Timer.HELD, now + round(self._params.held_limit * SECOND))
 
     # hearing
 
@@ -245,21 +275,18 @@ class HostLine(ABC):
         self._drop_crossed()
         if self._streaming.our_turn:
             self._streaming.hold_damaged(now)
-        elif not monitor:
+        elif not monitor and not self._timers.running(Timer.REPEAT):
             self._exchange.wait_for_quiet(now)
 
     def _hear_message(self, message: Message, now: Nanos) -> None:
         self._timers.stop(Timer.QUIET)
+        self._timers.stop(Timer.REPEAT)
         self._told.discard("silence")
         if self._exchange.last is Command.RTY and message.command is not Command.RTY:
             self._crossed = message
-            self._timers.start(Timer.CROSSED, now + self._crossing_time)
+            self._timers.start(Timer.CROSSED, now + self._exchange.turn_time)
             return
         self._obey_message(message, now)
-
-    @property
-    def _crossing_time(self) -> Nanos:
-        return self._agreement.turn_time + self._exchange.quiet_time
 
     def _on_crossed(self, now: Nanos) -> None:
         """Our RTY may have crossed the message it asks for: then that comes twice, and an answer to the first would be
@@ -267,7 +294,7 @@ class HostLine(ABC):
         """
         message = self._crossed
         if self._exchange.reader.pending or not self._outbox.idle:
-            self._timers.start(Timer.CROSSED, now + self._crossing_time)
+            self._timers.start(Timer.CROSSED, now + self._exchange.turn_time)
         elif message is not None:
             self._drop_crossed()
             self._obey_message(message, now)

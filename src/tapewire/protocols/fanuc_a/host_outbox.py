@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from tapewire.engine import SECOND, Nanos
+from tapewire.engine import MILLISECOND, SECOND, Nanos
 from tapewire.protocols.fanuc_a.messages import Coding, checksum
 
 __all__ = ["Outbox", "Span"]
@@ -15,6 +15,12 @@ _MEASURED_BYTES: Final = 20
 
 _HEADER: Final = 5
 """Sum and command stand before the data of a message."""
+
+QUIET: Final[Nanos] = 50 * MILLISECOND
+"""What has come, or what has been said, is over when nothing has followed for so long."""
+
+_QUIET_CHARACTERS: Final = 12
+"""On a slow line it takes longer: twice the shortest message."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,10 +35,13 @@ class Span:
 class Outbox:
     """The current utterance, what of it is on its way, and when the last of it left."""
 
-    def __init__(self) -> None:
+    def __init__(self, coding: Coding) -> None:
+        self._coding = coding
         self._data = b""
         self._offset = 0
         self._span: Span | None = None
+        self._is_message = False
+        self._broken: _Broken | None = None
         self._begun_at: Nanos = 0
         self._begun_count = 0
         self.in_flight = 0
@@ -45,16 +54,47 @@ class Outbox:
         self._data = data
         self._offset = 0
         self._span = span
+        self._is_message = False
+        self._broken = None
+
+    def say(self, message: bytes, span: Span | None = None) -> None:
+        """Say this message now. One of which a part is out is ended first, and so that the control can take nothing of
+        it: what follows would otherwise count as the rest of it, with nothing but the sum to tell them apart.
+        """
+        broken = self._part_out()
+        self.put(message, span)
+        self._is_message = True
+        self._broken = broken
+
+    def break_off(self) -> None:
+        """End a message of which a part is out, and say nothing more."""
+        broken = self._part_out()
+        self.put(b"")
+        self._broken = broken
+
+    def _part_out(self) -> _Broken | None:
+        broken = self._broken
+        if broken is not None and self._offset < len(broken.ending):
+            return _Broken(self._coding, broken.message, broken.out + self._offset)
+        out = self._offset - (len(broken.ending) if broken is not None else 0)
+        # All of it may be out and still be called back.
+        begun = 0 < out < len(self._data) + bool(self.in_flight)
+        return _Broken(self._coding, self._data, out) if self._is_message and begun else None
+
+    @property
+    def _all(self) -> bytes:
+        return self._data if self._broken is None else self._broken.ending + self._data
 
     @property
     def empty(self) -> bool:
         """All of it has been handed over."""
-        return self._offset >= len(self._data)
+        return self._offset >= len(self._all)
 
     @property
     def untouched(self) -> bool:
         """There is something to say, and nothing of it has been handed over."""
-        return self._offset == 0 and bool(self._data)
+        ending = self._broken.ending if self._broken is not None else b""
+        return self._offset == 0 and bool(self._data) and not ending
 
     @property
     def idle(self) -> bool:
@@ -62,14 +102,14 @@ class Outbox:
         return self.empty and not self.in_flight
 
     def look(self, limit: int) -> bytes:
-        return self._data[self._offset : self._offset + limit]
+        return self._all[self._offset : self._offset + limit]
 
     @property
     def reached(self) -> int:
         """Bytes of the program up to the last one handed over; 0 when this is no program."""
         if self._span is None:
             return 0
-        handed = self._offset - self._span.header
+        handed = self._offset - self._span.header - len(self._all) + len(self._data)
         return self._span.base + min(handed, self._span.length) if handed > 0 else 0
 
     @property
@@ -103,14 +143,35 @@ class Outbox:
     def call_back(self, count: int) -> None:
         """The last `count` characters handed over never leave."""
         self.in_flight = max(0, self.in_flight - count)
-        self._offset = max(0, self._offset - count)
+        before = count - self._offset
+        self._offset = max(0, -before)
+        if self._broken is not None and before > 0:
+            out = self._broken.out - before
+            self._broken = _Broken(self._coding, self._broken.message, out) if out > 0 else None
 
-    def break_off(self, coding: Coding) -> None:
-        """End a message before its data is complete, so that the control cannot take what it has of it: the end code
-        comes early and the sum is made sure to be wrong. The control asks for a repetition and gets something else.
-        """
-        body = self._data[: max(self._offset, _HEADER + 1)]
-        end = coding.end_byte
-        if coding.encode(checksum(body[2:] + end)) == body[:2]:
+    @property
+    def quiet_time(self) -> Nanos:
+        """After so long without a character what has been said is over."""
+        return QUIET + (_QUIET_CHARACTERS * SECOND // self.rate if self.rate else 0)
+
+
+class _Broken:
+    """A message of which `out` characters are out, and no more shall be (fewer, when some are called back).
+
+    `ending` makes it one that nobody can take: the end code comes early, behind a sum that is sure to be wrong and not
+    inside the command, which would be a command error (4.6 2) (2)). The control asks for a repetition and gets
+    something else.
+    """
+
+    __slots__ = ("ending", "message", "out")
+
+    def __init__(self, coding: Coding, message: bytes, out: int) -> None:
+        self.message = message
+        self.out = out
+        if out == len(message):
+            self.ending = b""
+            return
+        body = message[:-1][: max(out, _HEADER + 1)].ljust(_HEADER + 1, b"0")
+        if coding.encode(checksum(body[2:] + coding.end_byte)) == body[:2]:
             body += b"0"
-        self.put(body[self._offset :] + end)
+        self.ending = body[out:] + coding.end_byte

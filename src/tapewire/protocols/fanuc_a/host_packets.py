@@ -56,6 +56,7 @@ class PacketStream:
         self._asked_again: Counter[int] = Counter()
         self._proven = 0
         self._end_built = False
+        self._doubled: int | None = None
         self.job = job
         self.held = False
         """By DC3, or because a monitor packet could not be read."""
@@ -65,6 +66,8 @@ class PacketStream:
         """The end packet, true or dummy, has been given out to be sent."""
         self.late = False
         """The source had nothing when it was last asked."""
+        self.verdict_due = False
+        """The packet given out last may draw a NAK although nothing is missing."""
         self.problem = ""
         """Why the job cannot go on; empty while it can."""
 
@@ -96,6 +99,8 @@ class PacketStream:
         if self._position == self._built and not self._build_next():
             return None
         kept = self._kept[self._position]
+        self.verdict_due = self._position == self._doubled
+        self._doubled = None
         self._given = self._position
         self._position += 1
         self.end_begun = kept.wire[0] == END_NUMBER
@@ -115,9 +120,15 @@ class PacketStream:
         self._given = None
         return encode_packet(self._params.invalid, bytes([self._params.pad]) * self._size, self._n)
 
-    def go_back(self, number: int | None, most: int) -> str | None:
-        """NAK: send again from packet `number` on. Returns why that is impossible."""
+    def go_back(self, number: int | None, most: int, *, under_way: bool) -> str | None:
+        """NAK: send again from packet `number` on. Returns why that is impossible.
+
+        `under_way`: a packet is not yet out as a whole. A NAK for that one was made before it came, for one spoilt
+        before: it arrives twice now, and NAK for the one behind it will follow, which must not find that one under way
+        too, or each packet to the end would go out twice.
+        """
         self.held = False
+        self.verdict_due = False
         if self.stopped:
             return None
         if number is None or number not in NUMBERS:
@@ -128,21 +139,29 @@ class PacketStream:
         self._asked_again[count] += 1
         if self._asked_again[count] > most:
             return f"packet {number:02X}h was asked for again more than {most} times (Ne)"
-        if count < self._position:
-            self._proven = max(self._proven, self._kept[count].span.base)
+        self._doubled = count if under_way and count == self._position - 1 else None
+        if count != self._position:
+            self._proven = max(self._proven, self._base(count))
             self._position = count
             self.end_begun = False
         return None
+
+    def _base(self, count: int) -> int:
+        """Bytes of the program before this packet."""
+        kept = self._kept.get(count)
+        return kept.span.base if kept is not None else self._taken
 
     def stop(self) -> None:
         """CAN: after the packet under way comes an end packet with dummy data, unless that was the end packet."""
         self.stopped = True
 
     def _youngest(self, number: int) -> int | None:
-        """The packet that bears `number`: the next one to be sent, or the last one sent that has it."""
-        unsent = None if self._end_built else self._built
-        for count in range(self._position, max(-1, self._position - KEPT_PACKETS - 1), -1):
-            if FIRST_NUMBER + count % KEPT_PACKETS == number and (count in self._kept or count == unsent):
+        """The youngest packet that bears `number`: the next one to be made, or one that has been sent before. After a
+        NAK that was not needed it may lie ahead: the control has what is being sent again, and says so.
+        """
+        youngest = self._built - 1 if self._end_built else self._built
+        for count in range(youngest, max(-1, self._built - KEPT_PACKETS - 1), -1):
+            if FIRST_NUMBER + count % KEPT_PACKETS == number:
                 return count
         return None
 
@@ -150,7 +169,11 @@ class PacketStream:
         job = self.job
         if job is None or self._end_built:
             return False
-        match job.supply(self._size):
+        supply = job.supply(self._size)
+        self.problem = self.problem or job.refusal
+        match supply:
+            case _ if self.problem:
+                return False
             case Supply.LATE:
                 self.late = True
                 return False
@@ -172,13 +195,16 @@ class PacketStream:
         self._build(END_NUMBER, rest or end_of_record(self._params.data))
         return True
 
+    @property
+    def _taken(self) -> int:
+        return self.job.taken if self.job is not None else 0
+
     def _build(self, number: int, data: bytes) -> None:
-        taken = self.job.taken if self.job is not None else 0
         fill = bytes([self._params.pad]) * (self._size - len(data))
-        length = len(data) if taken else 0
+        length = len(data) if self._taken else 0
         self._kept[self._built] = _Kept(
             wire=encode_packet(number, data + fill, self._n),
-            span=Span(base=taken - length, header=1, length=length),
+            span=Span(base=self._taken - length, header=1, length=length),
         )
         self._kept.pop(self._built - KEPT_PACKETS, None)
         self._end_built = number == END_NUMBER

@@ -12,7 +12,7 @@ from tapewire.protocols.fanuc_a.host_job import Job
 from tapewire.protocols.fanuc_a.host_law import Timer
 from tapewire.protocols.fanuc_a.host_outbox import Outbox
 from tapewire.protocols.fanuc_a.host_packets import PacketStream
-from tapewire.protocols.fanuc_a.packets import Monitor, MonitorPacket, MonitorSum
+from tapewire.protocols.fanuc_a.packets import Monitor, MonitorPacket, MonitorSum, packet_bytes
 from tapewire.protocols.fanuc_a.params import Params
 
 __all__ = ["LONGEST_SOURCE_POLL", "SOURCE_POLL", "SourcePoll", "Streaming"]
@@ -25,10 +25,13 @@ LONGEST_SOURCE_POLL: Final[Nanos] = 1280 * MILLISECOND
 KEEP_ALIVE_SHARE: Final = 0.6
 """An invalid packet goes out when so much of To has passed: its own time and ours fit into the rest."""
 
-NEXT_PACKET_IN_FLIGHT: Final = 16
-"""A packet is begun when fewer characters than this of the one before are on their way, so that NAK, DC3 and CAN find
-no more than one packet under way (5.3).
+LEAST_LOOKAHEAD: Final = 16
+"""A packet is begun when fewer characters than this of the one before are on their way, or fewer than `lookahead` of
+line, so that NAK, DC3 and CAN find no more than one packet under way (5.3) and the beginning of the next one.
 """
+
+LOOKAHEAD_SHARE: Final = 4
+"""Never more than one fourth of a packet."""
 
 
 class SourcePoll:
@@ -88,6 +91,11 @@ class Streaming:
         return self._stream is not None and self._stream.stopped
 
     @property
+    def held(self) -> bool:
+        """By DC3, or because what the control said could not be read."""
+        return self._stream is not None and self._stream.held
+
+    @property
     def proven(self) -> int:
         return self._stream.proven if self._stream is not None else 0
 
@@ -128,17 +136,43 @@ class Streaming:
             self._outbox.put(b"")
         self._stream = None
         self._first_wait = 0
-        for timer in (Timer.KEEP_ALIVE, Timer.DAMAGED, Timer.SOURCE):
+        for timer in (Timer.KEEP_ALIVE, Timer.DAMAGED, Timer.SOURCE, Timer.NEXT, Timer.VERDICT):
             self._timers.stop(timer)
 
     @property
     def _keep_alive_time(self) -> Nanos:
         return round(KEEP_ALIVE_SHARE * self._agreement.to)
 
-    def pump(self, now: Nanos) -> str:
-        """Begin the next packet when it is time. Returns why the job cannot go on; empty while it can."""
+    @property
+    def _lookahead(self) -> int:
+        """Characters of the packet before that are still to leave when the next one is begun."""
+        wanted = round(self._outbox.rate * self._params.lookahead / 1000)
+        return max(LEAST_LOOKAHEAD, min(wanted, packet_bytes(self._agreement.n) // LOOKAHEAD_SHARE))
+
+    def _is_time(self, stream: PacketStream, now: Nanos) -> bool:
+        """For the next packet."""
+        if stream.verdict_due and not stream.end_begun:
+            if not self._outbox.in_flight and not self._timers.running(Timer.VERDICT):
+                self._timers.start(Timer.VERDICT, now + self._outbox.quiet_time)
+            return False
+        early = self._outbox.in_flight - self._lookahead
+        if early < 0:
+            self._timers.stop(Timer.NEXT)
+        elif self._outbox.rate:
+            self._timers.start(Timer.NEXT, now + (early + 1) * SECOND // self._outbox.rate)
+        return early < 0
+
+    def no_verdict(self) -> None:
+        """Timer.VERDICT."""
+        if self._stream is not None:
+            self._stream.verdict_due = False
+
+    def pump(self, now: Nanos, *, hearing: bool) -> str:
+        """Begin the next packet when it is time, and not while a monitor packet is coming in (`hearing`), which may be
+        DC3. Returns why the job cannot go on; empty while it can.
+        """
         stream = self._stream
-        if stream is None or not self._outbox.empty or self._outbox.in_flight >= NEXT_PACKET_IN_FLIGHT:
+        if stream is None or hearing or not self._outbox.empty or not self._is_time(stream, now):
             return ""
         found = stream.next()
         if found is not None:
@@ -167,6 +201,8 @@ class Streaming:
         self._tell_form(packet)
         self._take_back(stream)
         self._timers.stop(Timer.DAMAGED)
+        self._timers.stop(Timer.VERDICT)
+        stream.verdict_due = False
         match packet.monitor:
             case Monitor.DC3:
                 self._hold("DC3")
@@ -180,7 +216,7 @@ class Streaming:
                 number = packet.number or 0
                 self._events.put(Violation(what=f"packet {number:02X} did not arrive well (NAK)"))
                 self._go_on("NAK")
-                return stream.go_back(packet.number, self._agreement.ne) or ""
+                return stream.go_back(packet.number, self._agreement.ne, under_way=not self._outbox.idle) or ""
         return ""
 
     def hold_damaged(self, now: Nanos) -> None:

@@ -115,13 +115,14 @@ class PacketReader:
     """Finds data packets in what comes in, the same whatever the pieces it comes in.
 
     Packets have no start mark. After a bad one the reader looks for the next good one at every character, so that a
-    character lost or gained does not spoil all that follows; what it skips is not reported again.
+    character lost or gained does not spoil all that follows. As much as a packet holds and one more, which may have
+    been gained, is another bad packet.
     """
 
     def __init__(self, n: int) -> None:
         self._length = packet_bytes(n)
         self._kept = bytearray()
-        self._hunting = False
+        self._skipped = 0
         self._damaged = False
 
     @property
@@ -150,7 +151,7 @@ class PacketReader:
         """Forget what has begun: the next character is the first of a packet. Returns how many were forgotten."""
         forgotten = len(self._kept)
         self._kept.clear()
-        self._hunting = False
+        self._skipped = 0
         self._damaged = False
         return forgotten
 
@@ -159,14 +160,14 @@ class PacketReader:
         if why is None:
             packet = Packet(number=kept[0], data=bytes(kept[1:-3]))
             kept.clear()
-            self._hunting = False
+            self._skipped = 0
             return packet
         number = kept[0]
         del kept[0]
-        if self._hunting:
-            return None
-        self._hunting = True
-        return BadPacket(number=number, why=why)
+        self._skipped += 1
+        if self._skipped == self._length + 2:
+            self._skipped = 1
+        return BadPacket(number=number, why=why) if self._skipped == 1 else None
 
     def _complaint(self) -> str | None:
         kept = self._kept

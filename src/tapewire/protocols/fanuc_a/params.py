@@ -10,13 +10,16 @@ from typing import Any
 
 from tapewire.codes import EOR_CODES, DataCode
 from tapewire.errors import UsageError
+from tapewire.g05.layout import BinaryInput
+from tapewire.protocols.binary_input import binary_input
 from tapewire.protocols.fanuc_a.messages import LONGEST_DAT, Coding, EndCode, MessageCode
 from tapewire.protocols.fanuc_a.packets import MonitorCode, MonitorSum
-from tapewire.protocols.fanuc_a.status import LIMITS, Filler, Parameters
+from tapewire.protocols.fanuc_a.status import LIMITS, TENTHS_OF_SECONDS, Filler, Parameters
 from tapewire.protocols.settings import End, Switch, parse_settings, setting
 
 __all__ = [
     "AfterEnd",
+    "AmongPackets",
     "DataLength",
     "First",
     "GtdAnswers",
@@ -25,9 +28,11 @@ __all__ = [
     "OpenLine",
     "PacketLength",
     "Params",
+    "PollingUnit",
     "Retries",
     "RstAtEnd",
     "SetData",
+    "Switching",
     "SynParameters",
     "TimeOut",
     "Unready",
@@ -80,6 +85,22 @@ class SetData(StrEnum):
 
     CHANGES = "changes"
     ALWAYS = "always"
+
+
+class Switching(StrEnum):
+    """Position 1 of SET (4.4.2 2)). Which digit asks for remote operation and which for tape is not stated."""
+
+    ECHO = "echo"
+    """What the last SAT has there: nothing is to be switched."""
+    ZERO = "0"
+    ONE = "1"
+
+
+class PollingUnit(StrEnum):
+    """P2 of positions 41 to 44 (4.4.2 1)): what Tp counts."""
+
+    SECONDS = "0"
+    TENTHS = "1"
 
 
 class RstAtEnd(StrEnum):
@@ -137,6 +158,16 @@ class Naks(StrEnum):
     """For every packet that is not the one asked for."""
 
 
+class AmongPackets(StrEnum):
+    """Messages that a control hears between GTD and the end packet, where chapter 5 has nothing but packets."""
+
+    NONE = "none"
+    RTY = "rty"
+    """RTY in place of the first packet: a host that could not read the GTD."""
+    SYN = "syn"
+    """That, and SYN wherever a packet may begin: a host that begins anew."""
+
+
 class AfterEnd(StrEnum):
     """The state a control reports when it has read the end of the program (4.7 is a lost figure)."""
 
@@ -163,6 +194,7 @@ class Params:
     )
     end: EndCode = setting(EndCode.CR, "End code of the messages: 5000#3 = 0 is CR, 1 is ETX.")
     data: DataCode = setting(DataCode.ASCII, "The code of the program's characters (0000#2).")
+    g05: BinaryInput = binary_input()
     n: PacketLength = setting(
         PacketLength.AUTO,
         "Data bytes of a packet / 256; 0 is protocol A. auto: 0 for fanuc-a, 4 for fanuc-a-expansion, 0 for a control, "
@@ -176,6 +208,9 @@ class Params:
     ti: int = _parameter("ti", 0, "A host computer needs no gaps between bytes.")
     tx: int = _parameter("tx", 0, "A host computer can receive while it sends; a line that must turn round cannot.")
     tw: int = _parameter("tw", 1, "Short, so that a late source costs little.")
+    p2: PollingUnit = setting(
+        PollingUnit.SECONDS, "Tp counts seconds, or with 1 tenths of a second (positions 41 to 44).", key="P2"
+    )
     retries: Retries = setting(
         Retries.EXCHANGE,
         "The retry count starts again at zero after a good exchange, or runs through the job.",
@@ -207,11 +242,11 @@ class Params:
     set_length: DataLength = setting(
         DataLength.USED, "Length of the data of SET; positions 57 to 72 have no meaning.", end=_HOST
     )
-    switching: int = setting(
-        0,
-        "The digit in position 1 of SET; which one asks for remote operation is not stated.",
+    switching: Switching = setting(
+        Switching.ECHO,
+        "Position 1 of SET: what SAT has there, so that nothing is switched, or a digit. Which one asks for remote "
+        "operation is not stated.",
         end=_HOST,
-        limits=(0, 15),
     )
     convert_from: int = setting(
         0, "A byte of the data that the control turns into convert_to; 0 and 0: none.", end=_HOST, limits=(0, 255)
@@ -230,6 +265,21 @@ class Params:
         end=_HOST,
         unit="s",
         limits=(0.0, 99.0),
+    )
+    held_limit: float = setting(
+        0.0,
+        "A job that the control holds by RS or DC3 for longer has failed. 0: no limit, since a feed hold has none.",
+        end=_HOST,
+        unit="s",
+        limits=(0.0, 604_800.0),
+    )
+    lookahead: float = setting(
+        8.0,
+        "Expansion A: the next packet is begun when so much of the one before is still to leave, and from 16 "
+        "characters to a quarter of a packet in any case. A computer may wake late by so much.",
+        end=_HOST,
+        unit="ms",
+        limits=(0.0, 50.0),
     )
     pad: int = setting(0, "Fills the last packet behind EOR; not stated.", end=_HOST, limits=(0, 255))
     invalid: int = setting(0, "The number of invalid packets.", end=_HOST, limits=(0, 0x2F))
@@ -277,6 +327,17 @@ class Params:
     )
     nak_number: NakNumber = setting(NakNumber.EXPECTED, "What NAK names when a packet is out of order.", end=_CONTROL)
     naks: Naks = setting(Naks.ERROR, "One NAK for an error, or one for each packet that follows it.", end=_CONTROL)
+    monitors_again: Switch = setting(
+        Switch.OFF,
+        "NAK and CAN are said again when more than four packets have come that do not obey them: not stated.",
+        end=_CONTROL,
+    )
+    among_packets: AmongPackets = setting(
+        AmongPackets.NONE,
+        "Messages heard between GTD and the end packet: chapter 5 has none. rty: RTY in place of the first packet; "
+        "syn: that, and SYN wherever a packet may begin.",
+        end=_CONTROL,
+    )
     time_out_in_hold: Switch = setting(
         Switch.OFF, "To goes on while the control itself holds the host by DC3: not stated.", end=_CONTROL
     )
@@ -299,15 +360,19 @@ class Params:
         complaint = self.wanted.complaint()
         if complaint is not None:
             raise UsageError(complaint)
+        if self.p2 is PollingUnit.TENTHS and self.tw * 10 > self.tp:
+            raise UsageError(
+                f"Tw={self.tw} s is longer than Tp={self.tp}, which P2=1 makes tenths of a second: set Tp to "
+                f"{self.tw * 10} or more, or Tw to {self.tp // 10}"
+            )
         if self.dc1_free <= self.dc3_free:
             raise UsageError(f"dc1_free={self.dc1_free} must be greater than dc3_free={self.dc3_free}")
-        converts = self.convert_from != self.convert_to
-        if converts and {self.convert_from, self.convert_to} & set(EOR_CODES[self.data]):
+        if self.converts and {self.convert_from, self.convert_to} & set(EOR_CODES[self.data]):
             raise UsageError(
                 f"convert_from={self.convert_from}, convert_to={self.convert_to} would take an EOR away from the "
                 "program, or put one into its middle, which hides what follows: choose other codes"
             )
-        if converts and self.data is DataCode.BINARY and self.convert_from % 2 == 0:
+        if self.converts and self.data is DataCode.BINARY and self.convert_from % 2 == 0:
             raise UsageError(
                 f"convert_from={self.convert_from} would change binary records, whose bytes are even: "
                 "leave the conversion off (convert_from=0, convert_to=0)"
@@ -317,6 +382,11 @@ class Params:
     def coding(self) -> Coding:
         """How messages are written."""
         return Coding(code=self.code, end=self.end)
+
+    @property
+    def converts(self) -> bool:
+        """The control is to change codes of the data (positions 45 to 48 of SET)."""
+        return self.convert_from != self.convert_to
 
     @property
     def packet_n(self) -> int:
@@ -335,6 +405,7 @@ class Params:
             ti=self.ti,
             tx=self.tx,
             tw=self.tw,
+            unit=TENTHS_OF_SECONDS if self.p2 is PollingUnit.TENTHS else 0,
             convert_from=self.convert_from,
             convert_to=self.convert_to,
             n=self.packet_n,

@@ -17,6 +17,7 @@ __all__ = [
     "LIMITS",
     "POWER_ON",
     "SHORTEST_STATUS",
+    "TENTHS_OF_SECONDS",
     "USED_LENGTH",
     "AlarmCause",
     "BufferState",
@@ -109,7 +110,7 @@ class Parameters:
     tx: int = 100
     tw: int = 5
     unit: int = 0
-    """16 bits, of which only P2 has a meaning: Tp in tenths of a second."""
+    """16 bits, of which only P2 has a meaning and is kept: Tp in tenths of a second."""
     convert_from: int = 0
     convert_to: int = 0
     n: int = 0
@@ -165,6 +166,7 @@ def _parse_parameters(data: bytes, base: Parameters) -> Parameters:
         digits = data[first - 1 : last]
         if len(digits) == last - first + 1 and digits.strip():
             values[field] = parse_hex(digits, f"positions {first} to {last} ({field.capitalize()})")
+    values["unit"] = values.get("unit", base.unit) & TENTHS_OF_SECONDS
     return dataclasses.replace(base, **values)
 
 

@@ -78,7 +78,7 @@ class FanucBCnc:
         self._state = State.IDLE
         self._events = Events()
         self._timers = Timers()
-        self._buffer = ReceiveBuffer(params.data)
+        self._buffer = ReceiveBuffer(params.data, params.g05.record_bytes)
         self._stop = StopCount(params.allowed_overrun)
         self._out = Output(params.code)
         self._recalling = False
@@ -183,7 +183,7 @@ class FanucBCnc:
         Raises UsageError while another job runs, and on a closed line.
         """
         self._require_rest("read")
-        self._buffer = ReceiveBuffer(self._params.data)
+        self._buffer = ReceiveBuffer(self._params.data, self._params.g05.record_bytes)
         self._source = None
         self._open(Act.CYCLE_START, State.STARTING, ControlCode.DC1)
 

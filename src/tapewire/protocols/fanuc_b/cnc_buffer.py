@@ -19,8 +19,8 @@ _HOST_CODES: Final = re.compile(rb"[\x11-\x13\x93]")
 class ReceiveBuffer:
     """One program on its way from the line to the control. It ends at EOR; what follows is ignored (8.2)."""
 
-    def __init__(self, code: DataCode) -> None:
-        self._scanner = TapeScanner(code)
+    def __init__(self, code: DataCode, record_bytes: int | None = None) -> None:
+        self._scanner = TapeScanner(code, record_bytes)
         self._data = bytearray()
         self.received = 0
         """Characters of program that came in, EOR included."""

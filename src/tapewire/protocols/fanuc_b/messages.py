@@ -21,6 +21,8 @@ from typing import Final, TypeAlias
 
 from tapewire.codes import DataCode
 from tapewire.errors import UsageError
+from tapewire.g05.layout import BinaryInput
+from tapewire.protocols.binary_input import binary_input
 from tapewire.protocols.settings import End, Switch, parse_settings, setting
 
 __all__ = [
@@ -171,6 +173,7 @@ class Params:
         "DC2 without.",
     )
     data: DataCode = setting(DataCode.ASCII, "The code of the program's characters on the line (0000#2).")
+    g05: BinaryInput = binary_input()
     er: ErLine = setting(
         ErLine.AUTO,
         "hidden: ER is strapped or has no wire, so its state says nothing. auto: believe the line.",
