@@ -7,6 +7,7 @@ from typing import Final
 
 from docs.generators.markup import table
 from tapewire.fanuc.alarms import ALARMS
+from tapewire.fanuc.leds import RED_MEANINGS, STATUSES, SYSTEM_MESSAGES
 from tapewire.fanuc.parameters import CATALOGUE, Parameter
 
 
@@ -36,4 +37,32 @@ def _alarms() -> str:
     return table(("alarm", "message", "why", "what is seen", "what to do"), rows)
 
 
-PARTS: Final[dict[str, Callable[[], str]]] = {"fanuc parameters": _parameters, "fanuc alarms": _alarms}
+def _green() -> str:
+    rows = [
+        (
+            ", ".join(row.green) + (" (reconstructed)" if row.reconstructed else ""),
+            "-" if row.code is None else str(row.code),
+            status.value,
+            "yes" if row.message else "no",
+        )
+        for status, row in STATUSES.items()
+    ]
+    return table(("LED 1, LED 2", "code", "meaning", "message on the screen"), rows)
+
+
+def _red() -> str:
+    return table(("red LED", "meaning"), [(str(red.value or "none"), text) for red, text in RED_MEANINGS.items()])
+
+
+def _messages() -> str:
+    rows = [(f"{fault.value:X}", f"`{message}`", text) for fault, (message, text) in SYSTEM_MESSAGES.items()]
+    return table(("code", "message", "meaning"), rows)
+
+
+PARTS: Final[dict[str, Callable[[], str]]] = {
+    "fanuc parameters": _parameters,
+    "fanuc alarms": _alarms,
+    "fanuc green leds": _green,
+    "fanuc red leds": _red,
+    "fanuc system messages": _messages,
+}

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tapewire.line.capture import Encoder, Happening, Origin, Record, Side
 from tests.cli.helpers import printed
 
 PARAMETERS = "%\nN0000 P00000100\nN5000 P00011001\nN5070 P13\nN5071 P3\nN5072 P1\nN5073 P11\nN5074 P1\nN6000 P1\n%\n"
@@ -65,3 +66,44 @@ def test_alarm_explains(params: Path) -> None:
     assert told.stdout.startswith("SR945 COMMUNICATION ERROR (RMT-BUF)\n")
     assert told.status == 0
     assert printed("fanuc", "alarm", "SR999").status == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "case"),
+    [
+        ((), 1, "not known yet"),
+        (("--alarm", "856"), 0, "the host"),
+        (("--green", "off,on", "--read-pointer", "1F", "--write-pointer", "20"), 0, "the NC"),
+        (("--red", "2"), 0, "the board"),
+    ],
+)
+def test_diagnose_names_the_case(words: tuple[str, ...], status: int, case: str) -> None:
+    told = printed("fanuc", "diagnose", *words)
+    assert told.status == status
+    assert f"case: {case}\n  1. " in told.stdout
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--green", "purple"),
+        ("--read-pointer", "1"),
+        ("--read-pointer", "1", "--write-pointer", "x"),
+        ("--alarm", "1"),
+        ("--red", "4"),
+        ("--capture", "gone"),
+        ("--params", "gone"),
+    ],
+)
+def test_diagnose_refuses_what_nobody_can_have_seen(words: tuple[str, ...]) -> None:
+    assert printed("fanuc", "diagnose", *words).status == 2
+
+
+@pytest.mark.parametrize(("side", "case"), [(Side.HOST, "the host"), (Side.CONTROL, "the line")])
+def test_diagnose_reads_a_capture(tmp_path: Path, side: Side, case: str) -> None:
+    """What the writer of the capture received came from the control, or from the host."""
+    capture = tmp_path / "a.pcapng"
+    encoder = Encoder()
+    asked = Record(at=1_000_000_000, what=Happening.RECEIVED, data=b"\x11")
+    capture.write_bytes(encoder.header(Origin(side=side)) + encoder.record(asked))
+    assert f"case: {case}" in printed("fanuc", "diagnose", "--capture", capture).stdout

@@ -12,7 +12,9 @@ from tapewire.cli.convert import ASSIGN, SOURCE, source_of
 from tapewire.codes import EiaSigns
 from tapewire.errors import UsageError
 from tapewire.fanuc.alarms import BEGIN_AGAIN, AlarmRecord, alarm_named
+from tapewire.fanuc.diagnosis import Case, Seen, diagnose
 from tapewire.fanuc.host_settings import HostSettings, host_settings
+from tapewire.fanuc.leds import Red, read_leds
 from tapewire.fanuc.parameter_check import Weight
 from tapewire.fanuc.parameter_file import (
     LONGEST_FILE_BYTES,
@@ -24,6 +26,7 @@ from tapewire.fanuc.parameter_file import (
 from tapewire.fanuc.parameters import CATALOGUE, Interface, ParameterSet, PowerRule
 from tapewire.fanuc.tv_check import Comments
 from tapewire.transfer.converting import TapeReport, inspect_tape
+from tapewire.transfer.recordings import heard_in
 
 __all__ = ["fanuc"]
 
@@ -186,3 +189,52 @@ def _tape_text(report: TapeReport) -> list[str]:
         f"blocks: {report.blocks:,}; {end}",
         *map(str, report.failures),
     ]
+
+
+@fanuc.command("diagnose")
+@click.option("--params", type=click.Path(path_type=Path), help="The control's parameters, as for host-settings.")
+@click.option("--green", metavar="LED1,LED2", help="The two green LEDs: on, off, flashing, or alternating.")
+@click.option("--red", type=click.IntRange(0, 3), default=0, help="The red LED that is on; 0 for none.")
+@click.option("--read-pointer", metavar="HEX", help="The long at 4n810500.")
+@click.option("--write-pointer", metavar="HEX", help="The long at 4n810504.")
+@click.option("--alarm", "number", metavar="NUMBER", help="The alarm on the screen.")
+@click.option("--capture", type=click.Path(path_type=Path), metavar="FILE", help="A capture of the line.")
+def diagnose_command(
+    params: Path | None,
+    green: str | None,
+    red: int,
+    read_pointer: str | None,
+    write_pointer: str | None,
+    number: str | None,
+    capture: Path | None,
+) -> int:
+    """Find out why an operation does not start or does not go on, by the maker's own procedure (12.2).
+
+    Say what is known; it says which case that is, or what to look at next. The exit status is 1 while the case is open.
+    """
+    seen = Seen(
+        parameters=_parameters_of(params).parameters if params else None,
+        green=read_leds(green) if green else (),
+        red=Red(red),
+        pointers=_pointers(read_pointer, write_pointer),
+        alarm=alarm_named(number).number if number else None,
+        recording=heard_in(capture) if capture else (),
+    )
+    diagnosis = diagnose(seen)
+    for step in diagnosis.steps:
+        click.echo(f"- {step}")
+    click.echo(f"case: {diagnosis.case.value}")
+    for place, remedy in enumerate(diagnosis.remedies, 1):
+        click.echo(f"{_INDENT}{place}. {remedy}")
+    return NOT_COMPLETE if diagnosis.case is Case.UNKNOWN else COMPLETE
+
+
+def _pointers(read_pointer: str | None, write_pointer: str | None) -> tuple[int, int] | None:
+    if read_pointer is None and write_pointer is None:
+        return None
+    if read_pointer is None or write_pointer is None:
+        raise UsageError("--read-pointer and --write-pointer say something only together")
+    try:
+        return int(read_pointer, 16), int(write_pointer, 16)
+    except ValueError:
+        raise UsageError(f"{read_pointer}, {write_pointer}: hexadecimal numbers are expected") from None

@@ -233,6 +233,10 @@ class FanucACnc:
         return self._job.buffered
 
     @property
+    def buffer(self) -> Job:
+        return self._job
+
+    @property
     def program_ended(self) -> bool:
         return self._job.program_ended
 

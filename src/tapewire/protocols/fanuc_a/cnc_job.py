@@ -79,6 +79,10 @@ class Job:
         return len(self._buffer)
 
     @property
+    def held(self) -> bytes:
+        return bytes(self._buffer)
+
+    @property
     def free(self) -> int:
         return BUFFER_BYTES - len(self._buffer)
 

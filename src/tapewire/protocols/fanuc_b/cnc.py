@@ -78,7 +78,7 @@ class FanucBCnc:
         self._state = State.IDLE
         self._events = Events()
         self._timers = Timers()
-        self._buffer = ReceiveBuffer(params.data, params.g05.record_bytes)
+        self.buffer = ReceiveBuffer(params.data, params.g05.record_bytes)
         self._stop = StopCount(params.allowed_overrun)
         self._out = Output(params.code)
         self._recalling = False
@@ -108,8 +108,8 @@ class FanucBCnc:
         # Chapter 11 names framing and overrun errors; parity errors and breaks are taken for the same.
         seen = str(fault) if byte is None else f"{fault} ({byte:02X}h)"
         match self._state:
-            case State.READING | State.STOPPED if not self._buffer.eor_in:
-                where = f"after {self._buffer.received} characters of program"
+            case State.READING | State.STOPPED if not self.buffer.eor_in:
+                where = f"after {self.buffer.received} characters of program"
             case State.PUNCHING | State.PAUSED:
                 where = f"from the host, {self._out.punched} characters into the punch-out"
             case _:
@@ -183,7 +183,7 @@ class FanucBCnc:
         Raises UsageError while another job runs, and on a closed line.
         """
         self._require_rest("read")
-        self._buffer = ReceiveBuffer(self._params.data, self._params.g05.record_bytes)
+        self.buffer = ReceiveBuffer(self._params.data, self._params.g05.record_bytes)
         self._source = None
         self._open(Act.CYCLE_START, State.STARTING, ControlCode.DC1)
 
@@ -218,43 +218,43 @@ class FanucBCnc:
 
     def take(self, count: int, now: Nanos) -> bytes:
         """At most `count` bytes out of the buffer; nothing while the control is in alarm."""
-        if count <= 0 or self._owed is not None or not self._buffer:
+        if count <= 0 or self._owed is not None or not self.buffer:
             return b""
-        data = self._buffer.take(count)
-        if self._buffer.eor_taken:
+        data = self.buffer.take(count)
+        if self.buffer.eor_taken:
             self._finish_read()
-        elif self._state is State.STOPPED and self._buffer.free >= self._params.limits.start_at_free:
+        elif self._state is State.STOPPED and self.buffer.free >= self._params.limits.start_at_free:
             self._move(Act.BUFFER_LOW, State.READING)
             self._steer(ControlCode.DC1)
         return data
 
     @property
     def progress(self) -> int:
-        return self._buffer.taken if self._source is None else self._out.punched
+        return self.buffer.taken if self._source is None else self._out.punched
 
     @property
     def buffered(self) -> int:
-        return len(self._buffer)
+        return len(self.buffer)
 
     @property
     def program_ended(self) -> bool:
-        return self._source is None and self._buffer.eor_taken
+        return self._source is None and self.buffer.eor_taken
 
     # 6.1.1 1) and 6.3: the remote buffer receives
 
     def _receive_program(self, data: bytes) -> bytes:
         """Takes in what changes the state at most once; returns the rest."""
         left = self._out.left
-        count = self._stop.room(self._buffer.room(len(data)), left)
+        count = self._stop.room(self.buffer.room(len(data)), left)
         if not count:
             self._overrun()
             return data
-        count = self._buffer.receive(data[:count])
+        count = self.buffer.receive(data[:count])
         self._stop.add(count, left)
-        if self._state is State.READING and self._buffer.free <= self._params.limits.stop_at_free:
+        if self._state is State.READING and self.buffer.free <= self._params.limits.stop_at_free:
             self._move(Act.BUFFER_FULL, State.STOPPED)
             self._steer(ControlCode.DC3)
-        if self._buffer.eor_in and self._params.closing is ClosingAt.RECEIVED:
+        if self.buffer.eor_in and self._params.closing is ClosingAt.RECEIVED:
             self._move(Act.EOR_IN, State.RECEIVED)
             self._out.codes.append(ControlCode.DC3)
         # With closing=read the buffer goes on by its levels (6.3): a DC1 may follow that nobody can answer.
@@ -282,7 +282,7 @@ class FanucBCnc:
     def _ignore(self, count: int) -> None:
         """Characters nobody asked for. A host whose job was cut short may still send the overrun of 6.3."""
         if self._state is State.RECEIVED or (self._state is State.CLOSING and self.program_ended):
-            self._buffer.ignored += count
+            self.buffer.ignored += count
             return
         late, uninvited = self._latecomers.split(count, job_over=self._state is not State.CLOSING)
         if late and not self._latecomers.seen:
@@ -406,7 +406,7 @@ class FanucBCnc:
                 self._out.abandon()
             case State.STARTING | State.OPENING if not self._posting.line_closed:
                 pass  # 3.2: an alarm during data transmission; none has begun
-            case State.READING | State.STOPPED | State.RECEIVED if self._buffer.eor_in:
+            case State.READING | State.STOPPED | State.RECEIVED if self.buffer.eor_in:
                 # The whole program is here, and the control can read it without the host.
                 self._move(Act.HOST_GONE, State.RECEIVED)
                 self._out.abandon()
@@ -467,7 +467,7 @@ class FanucBCnc:
         self._latecomers = Latecomers(0 if self.program_ended else self._params.allowed_overrun)
         self._ending, self._reason = outcome, reason
         self._timers.stop_all()
-        self._buffer.clear()
+        self.buffer.clear()
         self._out.chunk = b""
         if self._source is not None and not codes:
             self._out.abandon()
@@ -487,9 +487,9 @@ class FanucBCnc:
         if self._source is not None:
             low, high = self._out.punched_left, self._out.punched
         else:
-            low, high = self._buffer.taken, self._buffer.received
-            if self._buffer.ignored:
-                self._notice(f"{self._buffer.ignored} characters after EOR were ignored (8.2)")
+            low, high = self.buffer.taken, self.buffer.received
+            if self.buffer.ignored:
+                self._notice(f"{self.buffer.ignored} characters after EOR were ignored (8.2)")
         self._events.put(Ended(outcome=self._ending, reason=self._reason, bytes_low=low, bytes_high=high))
 
     def _notice(self, text: str) -> None:

@@ -33,6 +33,10 @@ class ReceiveBuffer:
         return len(self._data)
 
     @property
+    def held(self) -> bytes:
+        return bytes(self._data)
+
+    @property
     def free(self) -> int:
         return BUFFER_BYTES - len(self._data)
 
