@@ -79,8 +79,8 @@ class Spoilt:
 
 
 def damaged_message() -> bytes:
-    """The capture that the manual shows, written by the control: one character of a DAT is damaged on its way, the
-    control asks again, the operator lets it go on to the end.
+    """Written by the control: one character of a DAT is damaged on its way, and the control asks again. The manual
+    shows one of these, tests/captures/damaged_message.pcapng, which stays as it is.
     """
     world = World()
     pair = world.pair("fanuc-a", grain=250, blocks_per_second=40, host_settings={"longest_dat": "1024"})
