@@ -22,12 +22,15 @@ SLOW = -2.0
 """Percent: a clock that no check of a rate would refuse."""
 
 ABOUT = """\
-Bridgeport by DNC LINK, 7E1, {size:,} bytes, a control that executes at six tenths of the line, so that it says DC3 again
-and again; at most three characters may come then (3.2). **A simulated UART**, not a real one: what comes after the
-control's DC3 has left it is counted by the control. The host's computer wakes late as asyncio's own timers were
+Bridgeport by DNC LINK, 7E1, {size:,} bytes, a control that executes at six tenths of the line, so that it says DC3
+again and again; at most three characters may come then (3.2). **A simulated UART**, not a real one: what comes after
+the control's DC3 has left it is counted by the control. The host's computer wakes late as asyncio's own timers were
 measured to (half of the wake-ups 0.57 ms, one of a hundred 1.12 ms, at most 1.9 ms), begins to ask 1.2 ms early, and
 asks every 50 µs. {runs} runs each, the most of all. *Stated* is the stop distance that the line gives before a job. The
 share of the line is that within records, the wait for ACK not counted.
+
+Where a path cannot be asked its figure holds while the line is as fast as its rate says; two percent slow, arrears
+gather in the adapter up to what it holds, and the figure stated is passed. That is what *not guaranteed* means.
 
 """
 
