@@ -50,7 +50,8 @@ class Mutant:
     def alive(self) -> Iterator[None]:
         """The bug is there inside this block."""
         with ExitStack() as stack:
-            for owner, attribute, wrap in self.spoils:
+            for engine, attribute, wrap in self.spoils:
+                owner = next(part for part in engine.__mro__ if attribute in part.__dict__)
                 method = owner.__dict__[attribute]
                 if isinstance(method, property):
                     assert method.fget is not None
