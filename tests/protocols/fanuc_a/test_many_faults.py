@@ -1,4 +1,4 @@
-"""Protocol A and expansion A on a line that loses characters and makes end codes, several times over and in both directions.
+"""Protocol A and expansion A on a line with several faults in one transfer, lost characters and end codes of noise.
 
 The program arrives byte-identical, or the job ends with its reason, or it stays armed and nothing of it was sent.
 """
