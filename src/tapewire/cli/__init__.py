@@ -24,6 +24,7 @@ _COMMANDS: Final = {
     "decode": "tapewire.cli.decode",
     "bridgeport": "tapewire.cli.bridgeport",
     "ports": "tapewire.cli.ports",
+    "qualify": "tapewire.cli.qualify",
     "convert": "tapewire.cli.convert",
     "fanuc": "tapewire.cli.fanuc",
 }
