@@ -1,10 +1,11 @@
-"""Anomaly loops: the first, second, third ... character of a short dialogue goes wrong, then each edge of a control line,
-then each time the host wakes, until a run ends with nothing gone wrong any more.
+"""Anomaly loops: the first, second, third ... character of a short dialogue goes wrong, then each edge of a control
+line, then each time the host wakes, until a run ends with nothing gone wrong any more.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TypeAlias
 
 import pytest
 
@@ -16,7 +17,6 @@ from tapewire.line.faults.plan import (
     FlipBits,
     HoldSignal,
     Level,
-    LinePlan,
     Lose,
     Nth,
     Signal,
@@ -26,6 +26,8 @@ from tapewire.sim.checkers import judge
 from tapewire.sim.scenarios import Direction, Finish, Scenario
 from tapewire.sim.switches import Settings
 from tapewire.sim.trial import Trial
+
+Spoil: TypeAlias = Lose | FlipBits | DoubleCharacter
 
 _RARE_POLLS = {"Tp": "5", "Tw": "5"}
 """Half a minute of waiting is then six exchanges."""
@@ -82,9 +84,9 @@ def complaints(trial: Trial, what: str) -> list[str]:
     return [f"{what}: {finding}" for finding in findings if not finding.undetectable]
 
 
-def until_nothing_goes_wrong(name: str, fault: type[LinePlan], wire: Wire, parity: bool) -> Iterator[str]:
+def until_nothing_goes_wrong(name: str, fault: type[Spoil], wire: Wire, parity: bool) -> Iterator[str]:
     for number in range(1, MOST, STEPS.get(name, 1)):
-        plan = FaultPlan(name="one", why="an anomaly", faults=(fault(when=Nth(number), wire=wire),))  # type: ignore[call-arg]
+        plan = FaultPlan(name="one", why="an anomaly", faults=(fault(when=Nth(number), wire=wire),))
         trial = Trial(scenario(name, parity), plan)
         yield from complaints(trial, f"{name}: {fault.__name__} {number} {wire}")
         if not trial.pair.line.log.counts:
@@ -97,7 +99,7 @@ def until_nothing_goes_wrong(name: str, fault: type[LinePlan], wire: Wire, parit
 @pytest.mark.parametrize("wire", [Wire.FROM_HOST, Wire.FROM_CONTROL])
 @pytest.mark.parametrize("fault", [Lose, FlipBits, DoubleCharacter])
 @pytest.mark.parametrize("name", OPERATIONS)
-def test_every_character_goes_wrong_once(name: str, fault: type[LinePlan], wire: Wire) -> None:
+def test_every_character_goes_wrong_once(name: str, fault: type[Spoil], wire: Wire) -> None:
     assert list(until_nothing_goes_wrong(name, fault, wire, parity=fault is not FlipBits)) == []
 
 

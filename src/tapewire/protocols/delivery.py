@@ -18,8 +18,8 @@ had left earlier than that was with the control when it said it."""
 
 
 HEARD_LATE_CHARACTERS: Final = 10
-"""On a slow line it takes longer: two codes cross it, a receive FIFO waits four character times for a fifth, and what is
-being said is finished first."""
+"""On a slow line it takes longer: two codes cross it, a receive FIFO waits four character times for a fifth, and what
+is being said is finished first."""
 
 SLOWEST: Final[Nanos] = 40 * MILLISECOND
 """A character at 300 baud. Slower than that the pace of a line is not believed: something held it."""
