@@ -240,6 +240,8 @@ class Trial:
     def _is_over(self) -> bool:
         """Both are at rest, or one of them is, and the other waits for somebody who does not come."""
         job = self._job
+        if job is not None and self._busy:
+            return False
         if job is None and not self._busy:
             return True
         quiet_since = max(self.scenario.start, self.evidence.last_disturbance, self._last_act, self._host_over_at)
