@@ -25,6 +25,7 @@ _COMMANDS: Final = {
     "monitor": "tapewire.cli.monitor",
     "bridgeport": "tapewire.cli.bridgeport",
     "ports": "tapewire.cli.ports",
+    "qualify": "tapewire.cli.qualify",
     "convert": "tapewire.cli.convert",
     "fanuc": "tapewire.cli.fanuc",
 }
