@@ -45,9 +45,9 @@ def planned(planning: Planning, points: NDArray[np.float64], speeds: Any = 50.0)
 
 
 def keeps_limits(planning: Planning, travel: Travel, report: Report) -> None:
-    """Every unit of time, from rest to rest. Rounding moves a position by half an increment: the travel by less than one,
-    its change by less than two, the change of that by less than four; twice as much beside a unit of time that was left
-    out or filled in advance.
+    """Every unit of time, from rest to rest. Rounding moves a position by half an increment: the travel by less than
+    one, its change by less than two, the change of that by less than four; twice as much beside a unit of time that was
+    left out or filled in advance.
     """
     machine, tick = planning.machine, planning.tick_s
     rest = np.zeros((3, travel.shape[1]), np.int64)
@@ -72,7 +72,8 @@ def keeps_path(planning: Planning, travel: Travel, points: NDArray[np.float64]) 
 
 
 SQUARE: Final = np.array([[0, 0, 0], [10, 0, 0], [10, 10, 0], [0, 10, 0], [0, 0, 0]], np.float64)
-CIRCLE: Final = np.stack([np.cos(np.linspace(0, 6.283185, 721)), np.sin(np.linspace(0, 6.283185, 721))], axis=1)
+ANGLES: Final = np.linspace(0, 2 * np.pi, 721)
+CIRCLE: Final = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1)
 
 
 @pytest.mark.parametrize("unit_time", UnitTime)
@@ -126,7 +127,8 @@ def test_any_path(
 ) -> None:
     random = np.random.default_rng(seed)
     sizes = 10.0 ** random.uniform(-2, 1, (moves + 1, 1))
-    points = np.round(np.cumsum(random.normal(size=(moves + 1, axis_count)) * sizes, axis=0), 3)
+    steps: NDArray[np.float64] = random.normal(size=(moves + 1, axis_count)) * sizes
+    points = np.rint(1000 * np.cumsum(steps, axis=0)) / 1000
     points[1:][(points[1:] == points[:-1]).all(axis=1)] += 0.001
     planning = planning_of(axis_count, unit_time=unit_time, tolerance=tolerance, acceleration=acceleration, jerk=jerk)
     travel, report = planned(planning, points, random.uniform(2, 150, moves))
@@ -171,7 +173,7 @@ def test_every_increment_system(system: IncrementSystem, unit: Unit) -> None:
         **limits,
     )
     per_unit = system.per_unit(unit)
-    points = np.rint(np.array([[0, 0], [3, 0], [3, 2], [0, 0]]) * scale * per_unit) / per_unit
+    points = np.rint(np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 2.0], [0.0, 0.0]]) * scale * per_unit) / per_unit
     travel, report = planned(planning, points, 8.0 * scale)
     keeps_limits(planning, travel, report)
     keeps_path(planning, travel, points)
@@ -230,8 +232,16 @@ def test_plans_that_are_none(words: dict[str, Any], what: str) -> None:
 
 
 def test_increments_that_are_too_coarse_are_refused() -> None:
-    with pytest.raises(ProgramError, match="axis X may travel 1.00 increments per unit time"):
+    with pytest.raises(ProgramError, match=r"axis X may travel 1\.00 increments per unit time"):
         Plan(planning_of(velocity_per_min=60.0, unit_time=UnitTime.MS_1), np.zeros(3))
+
+
+def test_a_feed_below_an_increment_per_unit_time_is_refused() -> None:
+    """0.4 mm/s are 0.8 increments in 2 ms: every fifth record would be empty, and an empty record ends the section."""
+    with pytest.raises(
+        ProgramError, match=r"at 24 a minute is slower than one increment .* \(30 a minute\)"
+    ):
+        planned(planning_of(1), np.array([[0.0], [1.0]]), 0.4)
 
 
 def test_the_range_of_the_records_is_a_limit_too() -> None:

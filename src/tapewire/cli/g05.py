@@ -42,7 +42,7 @@ _RECORD_OPTIONS: Final = (
     click.option(
         "--format",
         "form",
-        type=click.Choice(list(RecordFormat)),
+        type=click.Choice([str(form) for form in RecordFormat]),
         help="No. 7609#2; special where nothing else is known.",
     ),
     click.option("--aux", is_flag=True, help="The records carry auxiliary functions (No. 7609#3)."),
@@ -269,9 +269,10 @@ def _say_section(section: SectionChecked) -> None:
     if section.assumed:
         _say(f"  made as found: {section.assumed}")
     for axis in section.axes:
+        unit = axis.unit
         _say(
-            f"  {axis.name}: travel {axis.travel:.6g}, from {axis.lowest:.6g} to {axis.highest:.6g} {axis.unit}; at "
-            f"most {axis.velocity:.6g} {axis.unit}/s, {axis.acceleration:.6g} {axis.unit}/s², {axis.jerk:.6g} {axis.unit}/s³"
+            f"  {axis.name}: travel {axis.travel:.6g}, from {axis.lowest:.6g} to {axis.highest:.6g} {unit}; at most "
+            f"{axis.velocity:.6g} {unit}/s, {axis.acceleration:.6g} {unit}/s², {axis.jerk:.6g} {unit}/s³"
         )
     if section.auxiliary_count:
         _say(f"  {section.auxiliary_count:,} significant auxiliary functions")

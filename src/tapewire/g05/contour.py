@@ -50,16 +50,23 @@ def _distances(points: Floats, path: Path, moves: Indices) -> Floats:
     return distances
 
 
-def chord_errors(points: Floats, corners: Floats, at: Indices, reach: int) -> Floats:
-    """Distance of each of `corners` (axes, n) from the chords between `points`, those around the point `at`.
+def chord_errors(points: Floats, corners: Floats, at: Indices, reach: int, enough: float) -> Floats:
+    """Distance of each of `corners` (axes, n) from the chords between `points`.
 
-    Corners of a path are not only to be passed near by: the motion must come near them too, or the tip of a spike would
-    be cut off with no point off the path.
+    Looked for at the point `at` and, while it is more than `enough`, up to `reach` chords away. Corners are not
+    only to be passed near by: the motion must come near them too, or the tip of a spike would be cut off with no point
+    off the path.
     """
     errors = np.full(corners.shape[1], np.inf)
-    for offset in range(-reach, reach):
-        begin = np.clip(at + offset, 0, points.shape[1] - 2)
-        errors = np.minimum(errors, _to_chords(corners, points[:, begin], points[:, begin + 1]))
+    far = np.arange(corners.shape[1])
+    for step in range(reach):
+        for offset in (step, -step - 1):
+            begin = np.clip(at[far] + offset, 0, points.shape[1] - 2)
+            distances = _to_chords(corners[:, far], points[:, begin], points[:, begin + 1])
+            errors[far] = np.minimum(errors[far], distances)
+        far = far[errors[far] > enough]
+        if not len(far):
+            break
     return errors
 
 

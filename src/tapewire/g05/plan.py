@@ -26,8 +26,8 @@ SLOWER: Final = 0.8
 MOST_ROUNDS: Final = 40
 """0.8^40 is a ten-thousandth: a place that is still wrong then is wrong by its nature."""
 
-SHARP: Final = 0.75
-"""Corners that change the direction by more than this (in length of the difference, 43 degrees) are looked at
+BENT: Final = 0.02
+"""Corners that change the direction by more than this (in length of the difference, one degree) are looked at
 themselves: their tips might be missed with no point far from the path."""
 
 
@@ -118,6 +118,7 @@ class Plan:
         shortest = 1e-3 / float(self._per_unit.max())
         start = self._raw[:, -1].copy()
         for block in blocks_of(moves, start, shortest):
+            self._refuse_creeping(block)
             self.report.moves += len(block)
             self.report.path_length += float(block.lengths.sum())
             self._pending = self._pending.joined(block)
@@ -128,6 +129,18 @@ class Plan:
             yield self._quantised(self._advance(last=len(self._pending) < 2 * BLOCK_MOVES))
         yield self._counted(self._quantiser.finish())
         self._close()
+
+    def _refuse_creeping(self, path: Path) -> None:
+        """A feed below an increment per unit time would need units of time without motion."""
+        creeping = self._creeping(path)
+        slow = np.flatnonzero(path.speeds < creeping * (1 - 1e-9))
+        if len(slow):
+            index = int(slow[0])
+            raise ProgramError(
+                f"the move to {np.round(path.ends[index], 4).tolist()} at {path.speeds[index] * 60:.4g} a minute is "
+                f"slower than one increment per unit time ({creeping[index] * 60:.4g} a minute): records without motion "
+                "cannot be sent; take a longer unit time or a finer increment system"
+            )
 
     def _quantised(self, points: Floats) -> NDArray[np.int64]:
         return self._counted(self._quantiser.travel(points * self._per_unit[:, None]))
@@ -277,16 +290,16 @@ class Plan:
         return wrong, max(error, float(missed.max(initial=0.0))), peaks
 
     def _missed(self, points: Floats, moves: NDArray[np.intp], around: Path) -> tuple[NDArray[np.intp], Floats]:
-        """Of the sharp corners passed by now: the point nearest to each in time, and how far the motion stays off."""
+        """Of the corners passed by now: the point nearest to each in time, and how far the motion stays off."""
         turns = np.diff(around.directions, axis=0)
-        sharp = np.flatnonzero(np.einsum("ij,ij->i", turns, turns) > SHARP**2) + 1
-        at = np.searchsorted(moves, sharp) - (self._ticks - 1)
-        near = (at >= 0) & (at < points.shape[1] - self._ticks) & (sharp > moves[0])
-        sharp, at = sharp[near], at[near]
-        if not len(sharp):
+        bent = np.flatnonzero(np.einsum("ij,ij->i", turns, turns) > BENT**2) + 1
+        at = np.searchsorted(moves, bent) - (self._ticks - 1)
+        near = (at >= 0) & (at < points.shape[1] - self._ticks) & (bent > moves[0])
+        bent, at = bent[near], at[near]
+        if not len(bent):
             return at, np.zeros(0)
         before = np.concatenate([self._out[:, -self._ticks :], points], axis=1)
-        missed = chord_errors(before, around.starts[sharp].T, at + self._ticks, self._ticks)
+        missed = chord_errors(before, around.starts[bent].T, at + self._ticks, self._ticks, self._tolerance)
         return np.clip(at, 0, points.shape[1] - 1), missed
 
     def _settle(self, around: Path, path: Path, attempt: _Attempt) -> Floats:

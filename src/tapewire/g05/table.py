@@ -27,25 +27,29 @@ class Table:
     pieces: Iterator[Floats]
 
 
-def read_csv(file: IO[str], name: str) -> Table:
+def read_csv(file: IO[bytes], name: str) -> Table:
     """Numbers separated by commas; a first line that is none names the columns. Raises ProgramError with the line."""
-    first = _line(file, name, 1)
+    lines = _lines(file, name)
+    first = next(lines, "")
     words = tuple(word.strip() for word in first.split(","))
     if not first.strip():
         raise ProgramError(f"{name}: is empty, or begins with an empty line")
     has_names = not all(_is_number(word) for word in words)
-    rest = iter(file) if has_names else chain([first], file)
+    rest = lines if has_names else chain([first], lines)
     return Table(words if has_names else (), _pieces(rest, len(words), name, 2 if has_names else 1))
 
 
-def _line(file: IO[str], name: str, number: int) -> str:
-    try:
-        line = file.readline(LONGEST_LINE)
-    except UnicodeDecodeError:
-        raise ProgramError(f"{name}, line {number}: is no text; a table is numbers separated by commas") from None
-    if len(line) >= LONGEST_LINE:
-        raise ProgramError(f"{name}, line {number}: is longer than {LONGEST_LINE:,} characters: this is no table")
-    return line
+def _lines(file: IO[bytes], name: str) -> Iterator[str]:
+    number = 0
+    while line := file.readline(LONGEST_LINE):
+        number += 1
+        if len(line) == LONGEST_LINE:
+            raise ProgramError(f"{name}, line {number}: is longer than {LONGEST_LINE:,} characters: this is no table")
+        try:
+            yield line.decode("utf-8")
+        except UnicodeDecodeError:
+            why = "is no text; a table is numbers separated by commas"
+            raise ProgramError(f"{name}, line {number}: {why}", line=number) from None
 
 
 def _is_number(word: str) -> bool:
@@ -58,10 +62,7 @@ def _is_number(word: str) -> bool:
 
 def _pieces(lines: Iterator[str], columns: int, name: str, number: int) -> Iterator[Floats]:
     while True:
-        try:
-            taken = list(islice(lines, ROWS))
-        except UnicodeDecodeError:
-            raise ProgramError(f"{name}, after line {number}: is no text") from None
+        taken = list(islice(lines, ROWS))
         if not taken:
             return
         try:

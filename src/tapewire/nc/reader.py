@@ -2,9 +2,10 @@
 
     G00 G01 G02 G03   G17 G18 G19   G20 G21   G90 G91   X Y Z ..., I J K R, F, N
 
-What stands before the first move whose place is known, and behind the last one, stays text: it is executed as before.
-Between the moves nothing else may stand, since there is no text in binary input operation. Whatever is not understood
-is refused with its line, and nothing is guessed.
+What stands before the first move whose place is known, and from the first block on that does anything but move, stays
+text: it is executed as before, behind a block that says again what is modal by then. Only a few moves may stand there,
+the way home: between the moves there is no room for text in binary input operation. Whatever is not understood is
+refused with its line, and nothing is guessed.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ __all__ = ["NcReader", "Reading"]
 
 MOST_KEPT_BLOCKS: Final = 10_000
 """Of a header or a trailer: no program has more before its first or behind its last move."""
+MOST_MOVES_HOME: Final = 20
+"""Moves behind the first block of other text: more are no way home, but a program that needs text among its moves."""
 MOVES_AT_A_TIME: Final = 8_192
 MM_PER_INCH: Final = 25.4
 
@@ -70,6 +73,8 @@ class NcReader:
         self._motion: float | None = None
         self._plane, self._incremental, self._inch = 17, False, False
         self._feed: float | None = None
+        self._feed_word = ""
+        self._moves_home = 0
         self._modes = ModalWatch()
         self.header: list[str] = []
         self.trailer: list[str] = []
@@ -125,9 +130,7 @@ class NcReader:
             if None not in self._place.values() and self._is_plain_move(words):
                 if self._modes.forbidden:
                     modes = ", ".join(self._modes.forbidden)
-                    raise self._refusal(
-                        f"would be in binary input operation while {modes} is on: an alarm (9.3 note 2)"
-                    )
+                    raise self._refusal(f"would be binary input operation while {modes} is on: an alarm (9.3)")
                 return block
             self._keep(self.header, kept)
             self._modes.feed(kept.encode("utf-8", "replace"))
@@ -185,19 +188,34 @@ class NcReader:
                 self._set_feed(value)
             elif letter != "N":
                 is_text = True
-        if is_text:
-            if targets:
-                raise self._refusal(f"{kept!r} moves and does something else: put that before or behind the moves")
-            self._keep(self.trailer, kept)
-            self._trailer_line = self._trailer_line or self._number
-        elif targets or arc:
-            if self._trailer_line:
-                raise self._refusal_at(
-                    self._trailer_line,
-                    f"{self.trailer[0]!r} is no move, and moves follow it: in binary input operation there is nothing "
-                    "but motion; put it before or behind the moves, or plan the parts one by one",
-                )
+        moves = bool(targets or arc)
+        if self._trailer_line or is_text:
+            self._leave(kept, plain_move=moves and not is_text)
+        elif moves:
             self._move(targets, arc, ends, speeds)
+
+    def _leave(self, kept: str, *, plain_move: bool) -> None:
+        """From here on it is text."""
+        if not self._trailer_line:
+            self._trailer_line = self._number
+            self._keep(self.trailer, self._modal_words())
+        self._keep(self.trailer, kept)
+        self._moves_home += plain_move
+        if self._moves_home > MOST_MOVES_HOME:
+            raise self._refusal_at(
+                self._trailer_line,
+                f"{self.trailer[1]!r} is more than a move, and over {MOST_MOVES_HOME} moves follow: in binary input "
+                "operation there is nothing but motion; put it elsewhere, or plan the parts one by one",
+            )
+
+    def _modal_words(self) -> str:
+        """What the control does not know by itself when binary input operation ends: it has seen none of the moves."""
+        if self._motion in (2.0, 3.0):
+            raise self._refusal("follows an arc without a straight move between: say G00 or G01 before it")
+        words = (
+            f"G{int(self._motion or 0):02d}G{self._plane}G{20 if self._inch else 21}G{91 if self._incremental else 90}"
+        )
+        return words + (f"F{self._feed_word}" if self._feed_word else "")
 
     def _modal(self, code: float) -> bool:
         """False for a code that is none of the moves'."""
@@ -286,7 +304,7 @@ class NcReader:
         feed = self._value(text) * self._scale / 60
         if not feed > 0:
             raise self._refusal(f"has the feed F{text}: it is above 0")
-        self._feed = feed
+        self._feed, self._feed_word = feed, text
 
     def _refusal(self, why: str) -> ProgramError:
         return self._refusal_at(self._number, why)

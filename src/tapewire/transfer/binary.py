@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from io import TextIOWrapper
 from pathlib import Path
 from typing import IO, Final
 
@@ -227,7 +226,7 @@ def _chained(first: Floats, rest: Iterator[Floats]) -> Iterator[Floats]:
 
 def _columns(file: IO[bytes], name: str, wanted: tuple[str, ...]) -> Iterator[Floats]:
     """The wanted columns in this order, by their names or, without names, as they stand."""
-    table = read_csv(TextIOWrapper(file, encoding="utf-8", newline=""), name)
+    table = read_csv(file, name)
     if not table.names:
         order = list(range(len(wanted)))
     else:
