@@ -43,8 +43,8 @@ PLANNING: Final = Planning(machine=MACHINE, layout=Layout(axis_count=3), unit_ti
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
     """`beyond` is how far velocity, acceleration and jerk go beyond limit and rounding at most, in increments per unit
-    time, squared and cubed; 0 and less is within. `farthest` is the largest distance of a position, or of the middle between
-    two, from the path; `corners` that of a corner of the path from the motion.
+    time, squared and cubed; 0 and less is within. `farthest` is the largest distance of a position, or of the middle
+    between two, from the path; `corners` that of a corner of the path from the motion.
     """
 
     moves: int
@@ -146,7 +146,8 @@ unit time.
 
 Distances are found with nothing of the planner, every position against every straight piece near it. Motion:
 {seconds:.1f} s, of which the moves at their feeds without any acceleration would take {ideal_s:.1f}; in simulated time
-{simulated_s:.1f} s from the first character to the last record. `python -m benchmarks.g05_run`; 5,000 moves of it run with every test.
+{simulated_s:.1f} s from the first character to the last record.
+`python -m benchmarks.g05_run`; 5,000 moves of it run with every test.
 """
 
 

@@ -138,8 +138,8 @@ class Plan:
             index = int(slow[0])
             raise ProgramError(
                 f"the move to {np.round(path.ends[index], 4).tolist()} at {path.speeds[index] * 60:.4g} a minute is "
-                f"slower than one increment per unit time ({creeping[index] * 60:.4g} a minute): records without motion "
-                "cannot be sent; take a longer unit time or a finer increment system"
+                f"slower than one increment per unit time ({creeping[index] * 60:.4g} a minute): records "
+                "without motion cannot be sent; take a longer unit time or a finer increment system"
             )
 
     def _quantised(self, points: Floats) -> NDArray[np.int64]:
