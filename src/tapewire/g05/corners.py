@@ -5,10 +5,11 @@ The motion is smoothed by two averages of T each. What goes in is a speed along 
     acceleration  a(t) = [v(t) - v(t-T)] / T, averaged over T
     jerk          j(t) = [v(t) - 2 v(t-T) + v(t-2T)] / T^2
 
-so both are bounded by how much the velocity of an axis changes, corners and all, within any span of T: by
-M = min(a T, j T^2 / 2). Of M the share `TANGENTIAL` belongs to speeding up and slowing down, the rest to corners. A
-corner also pulls the smoothed path inwards, by |dv| T / 6 for one alone, and by |du| A T^2 / 24 more where it is braked
-into and sped up out of. Corners closer together than the averages are counted together.
+so both are bounded by how much the velocity of an axis changes, corners and all, within any span of T: by M = min(a T,
+j T^2), unless two such changes one after the other are opposite, which what looks at the result finds. Of M the share
+`TANGENTIAL` belongs to speeding up and slowing down, the rest to corners. A corner also pulls the smoothed path
+inwards, by |dv| T / 6 for one alone, and by |du| A T^2 / 24 more where it is braked into and sped up out of. Corners
+closer together than the averages are counted together.
 """
 
 from __future__ import annotations
@@ -24,20 +25,18 @@ from tapewire.g05.path import Path
 
 __all__ = ["Bounds", "corner_speeds"]
 
+
 TANGENTIAL: Final = 0.5
-"""Of the change of velocity within T; half of it lets long moves and corners suffer alike."""
+"""Of the change of velocity within T; with half of it long moves and corners suffer alike."""
 
 INWARDS: Final = 0.8
 """Two corners just outside of each other's span pull a quarter more than one: together they keep the tolerance."""
 
-LEAST_ROOM: Final = 0.1
-"""Of the tolerance, for the speed at a corner whose braking alone takes it all; what is too fast is slowed down."""
+BISECTIONS: Final = 10
+"""Halvings of the logarithm of a corner speed: of four powers of ten, to one percent."""
 
-BISECTIONS: Final = 14
-"""Halvings of the logarithm of a corner speed: 2^-14 of the range, far below one percent."""
-
-SLOWEST: Final = 1e-6
-"""Of the speed asked for: no corner is ever slower."""
+SLOWEST: Final = 1e-4
+"""Of the speed asked for: no corner is slower, but where what looks at the result finds it too fast."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,15 +53,27 @@ class Bounds:
     @classmethod
     def of(cls, planning: Planning, tolerance: float) -> Bounds:
         machine, average_s = planning.machine, planning.ticks * planning.tick_s
-        change = np.minimum(machine.acceleration * average_s, machine.jerk * average_s**2 / 2)
+        change = np.minimum(machine.acceleration * average_s, machine.jerk * average_s**2)
         return cls(average_s + planning.tick_s, average_s, change, tolerance)
 
-    def accelerations(self, directions: Floats) -> Floats:
-        """Along each move, so that no axis changes its velocity by more than its share within T."""
+    def accelerations(self, path: Path) -> Floats:
+        """Along each move, so that no axis changes its velocity by more than its share within T, and so that braking
+        into a corner takes no more than half of what the tolerance leaves to it.
+        """
         share = TANGENTIAL * self.change / self.span_s
         with np.errstate(divide="ignore"):
-            along: Floats = (share / np.abs(directions)).min(axis=1)
+            along: Floats = (share / np.abs(path.directions)).min(axis=1)
+            gentle = 12 * INWARDS * self.tolerance / (_turning(path) * self.average_s**2)
+        np.minimum(along[:-1], gentle, out=along[:-1])
+        np.minimum(along[1:], gentle, out=along[1:])
         return along
+
+
+def _turning(path: Path) -> Floats:
+    """By how much the direction changes at each corner: 0 straight on, 2 straight back."""
+    turns = np.diff(path.directions, axis=0)
+    turning: Floats = np.sqrt(np.einsum("ij,ij->i", turns, turns))
+    return turning
 
 
 def corner_speeds(path: Path, bounds: Bounds, fastest: Floats, accelerations: Floats) -> Floats:
@@ -73,15 +84,17 @@ def corner_speeds(path: Path, bounds: Bounds, fastest: Floats, accelerations: Fl
     turns = np.abs(np.diff(path.directions, axis=0))
     limit = np.minimum(fastest[:-1], fastest[1:])
     changing = (turns / ((1 - TANGENTIAL) * bounds.change)).max(axis=1)
-    turning = np.sqrt(np.einsum("ij,ij->i", turns, turns))
-    braked = turning * np.minimum(accelerations[:-1], accelerations[1:]) * bounds.average_s**2 / 24
-    room = np.maximum(INWARDS * bounds.tolerance - braked, LEAST_ROOM * bounds.tolerance)
-    pulling = turning * bounds.average_s / (6 * room)
+    turning = _turning(path)
+    braked = turning * np.maximum(accelerations[:-1], accelerations[1:]) * bounds.average_s**2 / 24
+    pulling = turning * bounds.average_s / (6 * (INWARDS * bounds.tolerance - braked))
     at = np.cumsum(path.lengths)[:-1]
     gained = float(accelerations.max()) * bounds.span_s**2 / 2
+    span, half, near = (bounds.span_s, gained), (bounds.span_s / 2, gained / 2), (bounds.average_s / 2, 0.0)
+    changed = _running(changing)
     measures = (
-        _Measure(at, _running(changing), bounds.span_s, gained),
-        _Measure(at, _running(pulling), bounds.average_s / 2, 0.0),
+        _Measure(at, changed, span, half),
+        _Measure(at, changed, half, span),
+        _Measure(at, _running(pulling), near, near),
     )
     everywhere = np.arange(len(at))
     too_fast = np.flatnonzero(~_within(measures, everywhere, limit))
@@ -92,18 +105,19 @@ def corner_speeds(path: Path, bounds: Bounds, fastest: Floats, accelerations: Fl
 
 @dataclass(frozen=True, slots=True)
 class _Measure:
-    """Turning along the path, and how far around a corner it is counted: `reach_s` of the speed and `reach` more."""
+    """Turning along the path, and how far around a corner it is counted: from `behind` to `ahead`, each
+    (seconds of the speed, units more).
+    """
 
     at: Floats
     running: Floats
-    reach_s: float
-    reach: float
+    behind: tuple[float, float]
+    ahead: tuple[float, float]
 
     def around(self, corners: NDArray[np.intp], speeds: Floats) -> Floats:
-        span = speeds * self.reach_s + self.reach
         middle = self.at[corners]
-        first = np.searchsorted(self.at, middle - span, "left")
-        last = np.searchsorted(self.at, middle + span, "right")
+        first = np.searchsorted(self.at, middle - (speeds * self.behind[0] + self.behind[1]), "left")
+        last = np.searchsorted(self.at, middle + (speeds * self.ahead[0] + self.ahead[1]), "right")
         counted: Floats = self.running[last] - self.running[first]
         return counted
 

@@ -110,6 +110,6 @@ class Planning:
         return int(min(max(round(balanced / self.tick_s), 2), MOST_SMOOTHING_TICKS))
 
 
-BALANCE: Final = 32.0
-"""An average of (32 tolerance / jerk)^(1/3): a corner as fast as the tolerance lets it then needs the jerk there is.
-Shorter ones cost acceleration on long moves, longer ones cost speed in corners."""
+BALANCE: Final = 16.0
+"""An average of (16 tolerance / jerk)^(1/3): corners as fast as the tolerance lets them be then need most of the jerk there
+is. Shorter ones cost acceleration on long moves, longer ones cost speed in corners."""

@@ -161,10 +161,10 @@ class Plan:
         """Plan what is pending, settle as much of it as no later move can change, and smooth it."""
         path = self._pending
         fastest = self._fastest(path)
-        accelerations = self._bounds.accelerations(path.directions)
         around = self._behind.joined(path)
+        gains = self._bounds.accelerations(around)
+        accelerations = gains[len(self._behind) :]
         speeds_around = np.concatenate([self._fastest(self._behind), fastest])
-        gains = np.concatenate([self._bounds.accelerations(self._behind.directions), accelerations])
         corners = corner_speeds(around, self._bounds, speeds_around, gains)[len(self._behind) :]
         corners = np.maximum(corners, self._creeping(path)[1:])
         seen = len(path) if last else self._seen(path, fastest, accelerations)
