@@ -111,5 +111,5 @@ class Planning:
 
 
 BALANCE: Final = 16.0
-"""An average of (16 tolerance / jerk)^(1/3): corners as fast as the tolerance lets them be then need most of the jerk there
-is. Shorter ones cost acceleration on long moves, longer ones cost speed in corners."""
+"""An average of (16 tolerance / jerk)^(1/3): corners as fast as the tolerance lets them be then need most of the jerk.
+Shorter ones cost acceleration on long moves, longer ones cost speed in corners."""
