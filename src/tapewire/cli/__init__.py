@@ -22,6 +22,7 @@ _COMMANDS: Final = {
     "receive": "tapewire.cli.receive",
     "cnc": "tapewire.cli.cnc",
     "decode": "tapewire.cli.decode",
+    "monitor": "tapewire.cli.monitor",
     "bridgeport": "tapewire.cli.bridgeport",
     "g05": "tapewire.cli.g05",
     "ports": "tapewire.cli.ports",
