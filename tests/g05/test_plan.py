@@ -238,9 +238,7 @@ def test_increments_that_are_too_coarse_are_refused() -> None:
 
 def test_a_feed_below_an_increment_per_unit_time_is_refused() -> None:
     """0.4 mm/s are 0.8 increments in 2 ms: every fifth record would be empty, and an empty record ends the section."""
-    with pytest.raises(
-        ProgramError, match=r"at 24 a minute is slower than one increment .* \(30 a minute\)"
-    ):
+    with pytest.raises(ProgramError, match=r"at 24 a minute is slower than one increment .* \(30 a minute\)"):
         planned(planning_of(1), np.array([[0.0], [1.0]]), 0.4)
 
 

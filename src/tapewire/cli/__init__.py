@@ -26,6 +26,7 @@ _COMMANDS: Final = {
     "bridgeport": "tapewire.cli.bridgeport",
     "g05": "tapewire.cli.g05",
     "ports": "tapewire.cli.ports",
+    "qualify": "tapewire.cli.qualify",
     "convert": "tapewire.cli.convert",
     "fanuc": "tapewire.cli.fanuc",
 }
