@@ -25,6 +25,7 @@ from tests.line.helpers import (
 )
 
 ALL_BYTES = bytes(range(256))
+MEMORY_KINDS = ("simulated", "simulated, faulty")
 
 Pair = tuple[Transport, Transport]
 
@@ -60,9 +61,9 @@ Chunks = st.lists(st.binary(min_size=1, max_size=300), max_size=6)
 Windows = st.integers(1, 300)
 
 
-@given(window=Windows, chunks=Chunks)
-def test_chunks_of_any_size_arrive_in_order_on_a_simulated_cable(window: int, chunks: list[bytes]) -> None:
-    _chunks_arrive("simulated", window, chunks)
+@given(kind=st.sampled_from(MEMORY_KINDS), window=Windows, chunks=Chunks)
+def test_chunks_of_any_size_arrive_in_order_on_a_simulated_cable(kind: str, window: int, chunks: list[bytes]) -> None:
+    _chunks_arrive(kind, window, chunks)
 
 
 @pytest.mark.parametrize("kind", REAL_KINDS)
@@ -101,9 +102,9 @@ def _keeps_the_window(kind: str, window: int, steps: list[tuple[int, int]]) -> N
         assert near.room(clock.now) == window
 
 
-@given(window=Windows, steps=Steps)
-def test_window_is_kept_on_a_simulated_cable(window: int, steps: list[tuple[int, int]]) -> None:
-    _keeps_the_window("simulated", window, steps)
+@given(kind=st.sampled_from(MEMORY_KINDS), window=Windows, steps=Steps)
+def test_window_is_kept_on_a_simulated_cable(kind: str, window: int, steps: list[tuple[int, int]]) -> None:
+    _keeps_the_window(kind, window, steps)
 
 
 @pytest.mark.parametrize("kind", REAL_KINDS)
@@ -140,11 +141,16 @@ def test_whoever_waits_for_room_is_told_when(pair: Pair) -> None:
     assert near.room(clock.now) > 0
 
 
-@given(window=st.integers(17, 300), passed=st.integers(0, 60 * MILLISECOND), count=st.integers(1, 300))
-def test_discard_tells_what_never_arrives_on_a_simulated_cable(window: int, passed: int, count: int) -> None:
+@given(
+    kind=st.sampled_from(MEMORY_KINDS),
+    window=st.integers(17, 300),
+    passed=st.integers(0, 60 * MILLISECOND),
+    count=st.integers(1, 300),
+)
+def test_discard_tells_what_never_arrives_on_a_simulated_cable(kind: str, window: int, passed: int, count: int) -> None:
     clock = Clock()
     data = (ALL_BYTES * 2)[: min(window, count)]
-    with open_pair("simulated", window=window) as (near, far):
+    with open_pair(kind, window=window) as (near, far):
         near.read(clock.now)
         hand_over(near, data, clock.now)
         seen = Seen()
@@ -225,7 +231,7 @@ def test_control_lines_are_told_once_or_never(kind: str, pair: Pair) -> None:
         seen.read(near, clock.advance(20 * MILLISECOND))
         far.read(clock.now)
     told = [item for item in near_first if isinstance(item, SignalsIn)]
-    assert told[-1:] == ([SignalsIn()] if kind == "simulated" else [])
+    assert told[-1:] == ([SignalsIn()] if kind.startswith("simulated") else [])
     assert not any(isinstance(item, SignalsIn) for item in seen.items)
 
 

@@ -21,7 +21,7 @@ CLOCK_FREE = (
     *("tapewire.line.transport", "tapewire.line.link", "tapewire.line.pacing"),
     *("tapewire.line.telnet", "tapewire.line.rfc2217", "tapewire.line.rates"),
     *("tapewire.line.simulated", "tapewire.line.faults", "tapewire.line.paths", "tapewire.line.reception"),
-    *("tapewire.line.closed_loop", "tapewire.line.lateness"),
+    *("tapewire.line.closed_loop", "tapewire.line.lateness", "tapewire.line.faulty"),
     *("tapewire.line.capture", "tapewire.line.capture_reader", "tapewire.line.capture_tap"),
 )
 # Records of the domain may hold dates; nothing in them runs.

@@ -24,24 +24,24 @@ from tapewire.engine import (
     SignalsOut,
 )
 from tapewire.line.descriptor import DescriptorLine, LineSettings
+from tapewire.line.faults.chance import derive
+from tapewire.line.faults.injector import injectors
+from tapewire.line.faults.plan import LineEnd
+from tapewire.line.faults.presets import preset
+from tapewire.line.faulty import FaultyTransport
 from tapewire.line.open import open_line, parse_line
+from tapewire.line.pacing import character_time
 from tapewire.line.pty import create_pty
 from tapewire.line.serial_port import open_tty
 from tapewire.line.simulated import EndSettings, simulated_cable
 from tapewire.line.transport import Closed, LineItem, Transport
 
-KINDS: Final = (
-    "simulated",
-    "tcp client",
-    "tcp listener",
-    "pty master",
-    "tty slave",
-    "rfc2217 client",
-    "rfc2217 server",
-)
-REAL_KINDS: Final = KINDS[1:]
+REAL_KINDS: Final = ("tcp client", "tcp listener", "pty master", "tty slave", "rfc2217 client", "rfc2217 server")
 COUNTING_KINDS: Final = REAL_KINDS[:4]
 """Those that can tell what they have called back; a serial server is told to throw it away, and does not count."""
+FAULTY_KINDS: Final = ("simulated, faulty", "pty master, faulty")
+"""Wrapped, with a plan in which nothing goes wrong."""
+KINDS: Final = ("simulated", *REAL_KINDS, *FAULTY_KINDS)
 
 LOOKS: Final = 20_000
 """How often a test looks for what the kernel passes on in its own time, before it calls it lost."""
@@ -104,6 +104,11 @@ def open_pair(
 
 
 def _open(kind: str, near: LineSettings, far: LineSettings, path: Path) -> tuple[Transport, Transport]:
+    if kind in FAULTY_KINDS:
+        ends = _open(kind.split(",", maxsplit=1)[0], near, far, path)
+        nothing = injectors(preset("clean"), lambda name: derive(1, name))
+        character = character_time(near.baud)
+        return FaultyTransport(ends[0], nothing, LineEnd.HOST, character=character), ends[1]
     match kind:
         case "simulated":
             ends = simulated_cable(near.baud, EndSettings(window=near.window), EndSettings(window=far.window))

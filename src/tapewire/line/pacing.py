@@ -88,7 +88,9 @@ class TxPacer:
         return -(-(self._free_at - now) // self.character)
 
     def room(self, now: Nanos) -> int:
-        return self.offer(self.window - self.in_flight(now))
+        free_at = self._free_at
+        free = self.window if free_at is None or free_at <= now else self.window + (now - free_at) // self.character
+        return free if free >= self._least else 0
 
     def offer(self, free: int) -> int:
         """`free` characters of the window as they are offered: all of them, or none while they are too few."""

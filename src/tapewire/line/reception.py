@@ -30,6 +30,12 @@ Mark: TypeAlias = tuple[Nanos, SignalsIn | Closed | Fault]
 _moment = itemgetter(0)
 
 
+def _sooner(one: Nanos | None, other: Nanos | None) -> Nanos | None:
+    if one is None or (other is not None and other < one):
+        return other
+    return one
+
+
 @dataclass(slots=True)
 class Segment:
     """Characters that come without a gap: character i at `first` + i x `step`. The first `taken` are gone."""
@@ -69,6 +75,8 @@ class Reception:
         self._arrived = self._wire if injector is None else deque()
         """Characters behind the faults. Where there are none, both are the same."""
         self._marks = self._wire_marks if injector is None else []
+        self._is_bare = injector is None and not (path.poll or path.latency or path.timeout_characters)
+        """What has arrived has been told."""
         self._signals: SignalsIn | None = None
         """What this end was told of the control lines."""
         self._late_until: Nanos = 0
@@ -145,8 +153,11 @@ class Reception:
         if self._injector is not None:
             self._cross(now, self._injector)
         items: list[LineItem] = []
-        until = self._visible(now)
         marks = self._marks
+        if self._is_bare and not (marks and marks[0][0] <= now):
+            self._collect(items, now, None)
+            return items
+        until = self._visible(now)
         while marks and marks[0][0] <= until:
             at, mark = marks.pop(0)
             # A damaged character makes a UART tell at once, with all before it.
@@ -160,19 +171,24 @@ class Reception:
 
     def next_deadline(self) -> Nanos | None:
         """When this end is told of something."""
-        moments = []
+        if self._is_bare:
+            marked = self._marks[0][0] if self._marks else None
+            if not self._wire:
+                return marked
+            segment = self._wire[0]
+            told = segment.first + (min(segment.taken + self._path.trigger, len(segment.data)) - 1) * segment.step
+            return told if marked is None or told < marked else marked
+        nearest = self._told_at(self._next_told()) if self._arrived or self._wire else None
         if self._marks:
-            moments.append(self._told_at(self._marks[0][0]))
-        if self._arrived or self._wire:
-            moments.append(self._told_at(self._next_told()))
-        if self._injector is not None:
+            nearest = _sooner(nearest, self._told_at(self._marks[0][0]))
+        injector = self._injector
+        if injector is not None:
             if self._wire_marks:
-                moments.append(self._wire_marks[0][0])
-            if self._injector.next_moment is not None:
-                moments.append(self._injector.next_moment)
-            if self._path.trigger > 1 and (hit := self._next_hit(self._injector.spared)) is not None:
-                moments.append(hit)
-        return min(moments, default=None)
+                nearest = _sooner(nearest, self._wire_marks[0][0])
+            nearest = _sooner(nearest, injector.next_moment)
+            if self._wire and self._path.trigger > 1:
+                nearest = _sooner(nearest, self._next_hit(injector.spared))
+        return nearest
 
     def _visible(self, now: Nanos) -> Nanos:
         """What has arrived by this moment can be seen at `now`."""
@@ -190,18 +206,20 @@ class Reception:
         pieces = []
         arrived = self._arrived
         while arrived and (segment := arrived[0]).first <= until:
+            start, data = segment.taken, segment.data
             end = segment.arrived(until)
             if limit is not None:
-                end = min(end, segment.taken + limit)
-                limit -= end - segment.taken
-            pieces.append(segment.data[segment.taken : end])
+                end = min(end, start + limit)
+                limit -= end - start
             segment.taken = end
-            if end < len(segment.data):
+            if end < len(data):
+                if end > start:
+                    pieces.append(data[start:end])
                 break
+            pieces.append(data[start:] if start else data)
             arrived.popleft()
-        data = b"".join(pieces)
-        if data:
-            items.append(data)
+        if pieces:
+            items.append(pieces[0] if len(pieces) == 1 else b"".join(pieces))
 
     def _told(self, until: Nanos) -> int | None:
         """How many of the characters that wait in the receive FIFO this end has been told of; None: of all."""
@@ -255,6 +273,9 @@ class Reception:
         """Let everything up to `until` cross the wire, each fault at its moment."""
         marks = self._wire_marks
         while True:
+            wire = self._wire
+            if not marks and (not wire or wire[0].next > until) and not injector.is_due(until):
+                return
             fault_at, mark_at = injector.next_moment, marks[0][0] if marks else None
             if mark_at is not None and mark_at <= until and (fault_at is None or mark_at <= fault_at):
                 self._cross_characters(mark_at, injector)
@@ -279,6 +300,10 @@ class Reception:
         wire = self._wire
         while wire and (segment := wire[0]).next <= until:
             end = segment.arrived(until)
+            is_whole = end == len(segment.data) and not segment.taken and segment.first >= self._late_until
+            if is_whole and injector.passes(end):
+                self._arrived.append(wire.popleft())
+                continue
             first, data = segment.next, segment.data[segment.taken : end]
             segment.taken = end
             if end == len(segment.data):

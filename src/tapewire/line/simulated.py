@@ -111,6 +111,8 @@ class CableEnd:
             self._loop = ClosedLoop(self._cable.character, early=self._settings.early)
         self._uart_free: Nanos = 0
         """When the last character handed over has left the UART."""
+        self._is_counted = self._settings.path is None and self._loop is None
+        """The model of the line is the line."""
 
     def read(self, now: Nanos) -> list[LineItem]:
         self._now = now
@@ -126,7 +128,7 @@ class CableEnd:
         self._now = now
         if not self._cts or self._closed or self._away:
             return 0
-        if self._settings.path is None and self._loop is None:
+        if self._is_counted:
             return self._tx.room(now)
         return self._tx.offer(self._settings.window - self.in_flight(now))
 
@@ -152,13 +154,19 @@ class CableEnd:
 
     def _within_reach(self, now: Nanos) -> int:
         """Characters handed over that can be called back."""
+        unsent = -(-(self._uart_free - now) // self._character)
+        out_of_reach = self._path.out_of_reach
+        if unsent <= out_of_reach:
+            return 0
+        if not self._path.poll and not self._path.latency:
+            return unsent - out_of_reach
         return max(0, self.peer._reception.on_the_wire(now + self._cable.latency) - self._path.out_of_reach)
 
     def in_flight(self, now: Nanos) -> int:
         if self._loop is not None:
             return self._loop.in_flight(now, lambda: self.transmitter_empty(now))
         by_model = self._tx.in_flight(now)
-        return by_model if self._settings.path is None else max(by_model, self._within_reach(now))
+        return by_model if self._is_counted else max(by_model, self._within_reach(now))
 
     def on_its_way(self, now: Nanos) -> int:
         """A bare UART knows what it holds; a driver knows what it could not yet give to the UART or the adapter."""

@@ -293,9 +293,23 @@ def test_4_6_1_on_an_open_line_the_control_waits_for_the_hosts_syn() -> None:
 
 
 def test_4_6_1_or_the_control_speaks_first_as_after_power_on() -> None:
-    bench = Bench(quick(open_line=OpenLine.SPEAKS)).asked().run(20.1)
-    assert bench.silent(1.8)
-    assert bench.next(0.3) is C.SYN
+    bench = Bench(quick(open_line=OpenLine.SPEAKS)).asked().fault()
+    assert bench.alarms == ["SR946"]
+    assert bench.answer(C.WAT).complained("has yet to begin, after power-on or an open line: ignored")
+    assert bench.silent(1.9)
+    assert bench.next(0.2) is C.SYN
+
+
+@pytest.mark.parametrize(("keeps", "nb"), [(SynParameters.POWER_ON, 2000), (SynParameters.KEPT, 3000)])
+@pytest.mark.parametrize("who", OpenLine)
+def test_the_parameters_after_an_open_line_whoever_begins(keeps: SynParameters, nb: int, who: OpenLine) -> None:
+    bench = Bench(quick(open_line=who, syn_parameters=keeps)).asked(nb=3000).fault()
+    if who is OpenLine.WAITS:
+        bench.answer(C.SYN)
+    assert bench.next(2.1) is C.SYN
+    bench.answer(C.SYN)
+    assert bench.next() is C.RDY
+    assert bench.answer(C.RDY).status().parameters.nb == nb
 
 
 def test_no_alarm_before_the_line_is_initialised() -> None:

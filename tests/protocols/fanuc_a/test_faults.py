@@ -13,7 +13,7 @@ from io import BytesIO
 
 import pytest
 
-from tapewire.engine import SECOND, Nanos, Outcome
+from tapewire.engine import MILLISECOND, SECOND, Nanos, Outcome
 from tapewire.sim.world import Pair, World
 from tests.protocols.wire import FaultyEnd, Spoil, flipped, lost
 
@@ -38,6 +38,10 @@ class Job:
     every: int = 1
     """Of the characters to the control each k-th is lost in its turn, and each third of these spoilt."""
 
+
+SEVENTEEN = b"%\nO8\n" + b"".join(b"N%d X%d\n" % (n, n) for n in range(460)) + b"M30\n%"
+"""Seventeen effective packets of n = 1, and the end packet."""
+SYN, RDY, SET = b"07SYN\r", b"FCRDY\r", bytes(62)
 
 SHORT_JOBS = {
     "fanuc-a": Job(name="fanuc-a", program=PROGRAM),
@@ -108,6 +112,30 @@ def test_every_character_of_a_dialogue_lost_or_flipped_one_at_a_time(name: str, 
             failed.append(at)
     print(f"{name}, {direction}, {spoil.__name__}: failed of {at + 1}: {failed}")
     assert 2 * len(failed) * every < undisturbed.received, "retries are there to be used"
+
+
+@pytest.mark.parametrize("latency", [0, 2, 30])
+@pytest.mark.parametrize("cnc_settings", [{}, KIND, {"naks": "packet"}], ids=["strict", "kind", "a NAK a packet"])
+@pytest.mark.parametrize("first", [0, 5, 10])
+def test_a_burst_across_packets(first: int, cnc_settings: dict[str, str], latency: int) -> None:
+    """Two NAKs for one packet, which then arrives twice and is in improper order: it must not go on like that."""
+    world = World()
+    pair = world.pair(
+        "fanuc-a-expansion",
+        settings={"n": "1"},
+        cnc_settings=cnc_settings,
+        grain=64,
+        cnc_window=64,
+        latency=latency * MILLISECOND,
+    )
+    before = len(SYN + RDY + SET) + 260 * first
+    inner = FaultyEnd(pair.cnc_link.transport, before + 100, flipped)
+    pair.cnc_link.transport = FaultyEnd(inner, before + 360, flipped)
+    pair.host.start(BytesIO(SEVENTEEN), world.now)
+    pair.cnc.cycle_start(world.now)
+    world.run_until(lambda: pair.host_end is not None, limit=10 * PATIENCE)
+    assert pair.program.getvalue() == SEVENTEEN
+    assert str(pair.transcript).count("host  packet") <= 18 + 3 + 12 * bool(latency), "each packet twice would be 34"
 
 
 LONG = b"%\nO9\n" + b"".join(b"N%d G01 X%d.5 Y-%d.\n" % (n, n, n) for n in range(340)) + b"M30\n%"

@@ -117,6 +117,10 @@ class Injector:
         """When something happens by itself."""
         return self._moments[0][0] if self._moments else None
 
+    def is_due(self, moment: Nanos) -> bool:
+        """Something has happened by itself by `moment`."""
+        return bool(self._moments) and self._moments[0][0] <= moment
+
     def fire(self, *, idle: bool) -> list[Came]:
         """Let happen what is next. `idle`: no character is under way on this wire at that moment."""
         moment, _, happens = heapq.heappop(self._moments)
@@ -202,9 +206,15 @@ class Injector:
     # characters
 
     @property
+    def pulled(self) -> bool:
+        """Nothing passes now."""
+        return self._pulled > 0
+
+    @property
     def spared(self) -> int:
         """How many characters pass before the next one that a fault hits."""
-        return min((rule.due for rule in self._rules), default=NEVER) - self.seen
+        due = self._due or min((rule.due for rule in self._rules), default=NEVER)
+        return due - self.seen
 
     def passes(self, count: int) -> bool:
         """True when nothing happens to the next `count` characters, and they have passed."""

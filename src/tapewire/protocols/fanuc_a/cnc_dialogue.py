@@ -83,8 +83,6 @@ class Dialogue(Turn):
         job.let_go()
         if not job.safe:
             job.lose_buffer()
-        if self._params.syn_parameters is SynParameters.POWER_ON:
-            self.parameters = legal_n(self._params.wanted)
         self._clean()
         self._status = BufferState.NOT_READY
         self._begin_with(Command.SYN, now)
@@ -93,6 +91,8 @@ class Dialogue(Turn):
     def _begin_with(self, command: Command, at: Nanos) -> None:
         self._initialising = command
         self._ask_at = at
+        if command is Command.SYN and self._params.syn_parameters is SynParameters.POWER_ON:
+            self.parameters = legal_n(self._params.wanted)
 
     def host_initialises(self, now: Nanos) -> None:
         """SYN was answered with SYN."""

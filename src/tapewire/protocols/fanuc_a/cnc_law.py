@@ -20,7 +20,7 @@ __all__ = ["AWAITED", "DEAF", "LAW", "MESSAGES_AMONG_PACKETS", "Act", "Refusal",
 class State(Enum):
     """Where the dialogue stands."""
 
-    NOT_READY = "DR is OFF, or power has just come on"
+    NOT_READY = "DR is OFF, or the control has yet to begin, after power-on or an open line"
     SYN_WAIT = "an open line: only the host's SYN counts"
     RESTING = "the control has the turn"
     SENDING = "a message of the control is on its way out"

@@ -278,4 +278,4 @@ class Turn:
 
 def legal_n(parameters: Parameters) -> Parameters:
     """5.2 1): n is 0 when it is anything but 1, 2 and 4."""
-    return parameters if parameters.n in (1, 2, 4) else dataclasses.replace(parameters, n=0)
+    return dataclasses.replace(parameters, n=parameters.packet_n)

@@ -399,11 +399,11 @@ class FanucAHost(HostLine):
             self._say(Command.WAT)
             return
         supply = job.supply(longest)
-        if supply is Supply.LATE and not late:
-            self._wait_for_source(now)
-            return
         if job.refusal:
             self._fail_unsent(job.refusal, now)
+            return
+        if supply is Supply.LATE and not late:
+            self._wait_for_source(now)
             return
         self._poll.begin()
         self._timers.stop(Timer.WAT)

@@ -105,8 +105,7 @@ class Agreement:
         """Packet length in force; 0 is protocol A. The first SET that drew no RTY was taken; of a control whose next
         SAT says otherwise that is not believed again.
         """
-        n = self.base.n if self._tries <= 1 else self._reported.n
-        return n if n in (1, 2, 4) else 0
+        return (self.base if self._tries <= 1 else self._reported).packet_n
 
     @property
     def no(self) -> int:

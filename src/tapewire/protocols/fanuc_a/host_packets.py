@@ -56,7 +56,8 @@ class PacketStream:
         self._asked_again: Counter[int] = Counter()
         self._proven = 0
         self._end_built = False
-        self._doubled: int | None = None
+        self._suspect: int | None = None
+        self._went_back: int | None = None
         self.job = job
         self.held = False
         """By DC3, or because a monitor packet could not be read."""
@@ -99,8 +100,8 @@ class PacketStream:
         if self._position == self._built and not self._build_next():
             return None
         kept = self._kept[self._position]
-        self.verdict_due = self._position == self._doubled
-        self._doubled = None
+        self.verdict_due = self._position == self._suspect
+        self._suspect = None
         self._given = self._position
         self._position += 1
         self.end_begun = kept.wire[0] == END_NUMBER
@@ -123,9 +124,9 @@ class PacketStream:
     def go_back(self, number: int | None, most: int, *, under_way: bool) -> str | None:
         """NAK: send again from packet `number` on. Returns why that is impossible.
 
-        `under_way`: a packet is not yet out as a whole. A NAK for that one was made before it came, for one spoilt
-        before: it arrives twice now, and NAK for the one behind it will follow, which must not find that one under way
-        too, or each packet to the end would go out twice.
+        What arrives twice draws NAK for the one behind it, and if that finds the one behind it sent too, each packet to
+        the end goes out twice. So a packet is suspected that is asked for while it is `under_way`, or right behind the
+        one that was asked for before: nothing follows it until NAK has had the time to come.
         """
         self.held = False
         self.verdict_due = False
@@ -139,7 +140,9 @@ class PacketStream:
         self._asked_again[count] += 1
         if self._asked_again[count] > most:
             return f"packet {number:02X}h was asked for again more than {most} times (Ne)"
-        self._doubled = count if under_way and count == self._position - 1 else None
+        behind = self._went_back is not None and count == self._went_back + 1
+        self._suspect = count if behind or (under_way and count == self._position - 1) else None
+        self._went_back = count
         if count != self._position:
             self._proven = max(self._proven, self._base(count))
             self._position = count

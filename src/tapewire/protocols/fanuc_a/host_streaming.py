@@ -30,6 +30,9 @@ LEAST_LOOKAHEAD: Final = 16
 line, so that NAK, DC3 and CAN find no more than one packet under way (5.3) and the beginning of the next one.
 """
 
+VERDICT_TIME: Final[Nanos] = 100 * MILLISECOND
+"""There and back through two USB adapters or a serial server, and the five characters of a NAK."""
+
 LOOKAHEAD_SHARE: Final = 4
 """Never more than one fourth of a packet."""
 
@@ -153,7 +156,7 @@ class Streaming:
         """For the next packet."""
         if stream.verdict_due and not stream.end_begun:
             if not self._outbox.in_flight and not self._timers.running(Timer.VERDICT):
-                self._timers.start(Timer.VERDICT, now + self._outbox.quiet_time)
+                self._timers.start(Timer.VERDICT, now + VERDICT_TIME)
             return False
         early = self._outbox.in_flight - self._lookahead
         if early < 0:

@@ -122,6 +122,7 @@ class PacketReader:
     def __init__(self, n: int) -> None:
         self._length = packet_bytes(n)
         self._kept = bytearray()
+        self._number = 0
         self._skipped = 0
         self._damaged = False
 
@@ -162,12 +163,13 @@ class PacketReader:
             kept.clear()
             self._skipped = 0
             return packet
-        number = kept[0]
+        if not self._skipped or self._skipped == self._length:
+            self._number = kept[0]
         del kept[0]
         self._skipped += 1
         if self._skipped == self._length + 2:
             self._skipped = 1
-        return BadPacket(number=number, why=why) if self._skipped == 1 else None
+        return BadPacket(number=self._number, why=why) if self._skipped == 1 else None
 
     def _complaint(self) -> str | None:
         kept = self._kept

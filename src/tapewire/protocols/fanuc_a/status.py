@@ -122,6 +122,11 @@ class Parameters:
         return self.tp * (100 if self.unit & TENTHS_OF_SECONDS else 1000)
 
     @property
+    def packet_n(self) -> int:
+        """n as it counts: 0 when it is anything but 1, 2 and 4 (5.2 1) note)."""
+        return self.n if self.n in (1, 2, 4) else 0
+
+    @property
     def longest_dat(self) -> int:
         """Nb - No: what a DAT may hold at most (4.5 note 1)."""
         return self.nb - self.no

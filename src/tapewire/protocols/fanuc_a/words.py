@@ -11,6 +11,7 @@ from tapewire.protocols.fanuc_a.messages import (
     Message,
     MessageReader,
     Unreadable,
+    encode_message,
 )
 from tapewire.protocols.fanuc_a.packets import (
     BadMonitor,
@@ -30,7 +31,12 @@ Word: TypeAlias = str | bytes
 
 
 class Words:
-    """Listens to both ends of one line: what the host sends after a GTD is packets when its last SET said so."""
+    """Listens to both ends of one line.
+
+    What the host sends after a GTD is packets when its last SET said so, or the last SAT since. It is until the control
+    says a message: behind the end packet the same packets may come again. The one message a host has for a control
+    that awaits packets is SYN; no program holds one, since no block holds its end code.
+    """
 
     def __init__(self, params: Params) -> None:
         self._control = HostReader(params.coding, longest=72)
@@ -38,6 +44,8 @@ class Words:
         self._packets: PacketReader | None = None
         self._parameters = POWER_ON
         self._n = 0
+        self._syn = encode_message(Message(command=Command.SYN), params.coding)
+        self._before = b""
 
     def control(self, data: bytes) -> list[Word]:
         """What the control sent."""
@@ -58,6 +66,7 @@ class Words:
                 case Message(command=Command.GTD):
                     words.append("GTD")
                     self._packets = PacketReader(self._n) if self._n else None
+                    self._before = b""
                 case Message() | Unreadable():
                     self._packets = None
                     words.append(self._of_message(reading))
@@ -69,7 +78,12 @@ class Words:
         position = 0
         while position < len(data):
             if self._packets is not None:
-                position = self._read_packet(self._packets, data, position, words)
+                end = self._end_of_syn(data, position)
+                position = self._read_packet(self._packets, data[:end], position, words)
+                if position == end:
+                    cut_off = self._packets.restart() - len(self._syn)
+                    words += [f"({cut_off} characters of a packet)"] if cut_off > 0 else []
+                    words.append("SYN")
                 continue
             position, reading = self._host.read(data, position)
             match reading:
@@ -81,8 +95,15 @@ class Words:
                     words.append(self._of_message(reading))
         return words
 
+    def _end_of_syn(self, data: bytes, position: int) -> int | None:
+        """Where in `data` a SYN ends; what has been looked at before counts, in whatever pieces it came."""
+        self._before = self._before[-len(self._syn) + 1 :]
+        at = (self._before + data[position:]).find(self._syn)
+        return None if at < 0 else at + len(self._syn) - len(self._before) + position
+
     def _read_packet(self, reader: PacketReader, data: bytes, position: int, words: list[Word]) -> int:
-        position, packet = reader.read(data, position)
+        begin = position
+        position, packet = reader.read(data, begin)
         match packet:
             case None:
                 pass
@@ -92,8 +113,7 @@ class Words:
                 words.append(f"invalid packet {packet.number:02X}")
             case _:
                 words += [f"packet {packet.number:02X}", packet.data]
-                if packet.kind is Kind.END:
-                    self._packets = None
+        self._before = (self._before + data[begin:position])[-len(self._syn) + 1 :]
         return position
 
     def _of_message(self, reading: Message | Unreadable) -> str:
@@ -109,13 +129,13 @@ class Words:
         match message.command:
             case Command.SAT:
                 status = Status.parse(data, self._parameters)
+                self._parameters = status.parameters
+                self._n = status.parameters.packet_n
                 return f"{status.state.name.lower().replace('_', ' ')}, {status.stored} stored"
             case Command.SET if data:
                 wanted = Setting.parse(data, self._parameters).parameters
-                changes = _changes(self._parameters, wanted)
-                self._parameters = wanted
-                self._n = wanted.n if wanted.n in (1, 2, 4) else 0
-                return changes
+                self._n = wanted.packet_n
+                return _changes(self._parameters, wanted)
             case Command.RTY | Command.SDI | Command.SDO:
                 return data.decode("latin-1").rstrip()
             case _:
