@@ -22,6 +22,7 @@ _COMMANDS: Final = {
     "receive": "tapewire.cli.receive",
     "cnc": "tapewire.cli.cnc",
     "bridgeport": "tapewire.cli.bridgeport",
+    "simulate": "tapewire.cli.simulate",
     "ports": "tapewire.cli.ports",
     "convert": "tapewire.cli.convert",
     "fanuc": "tapewire.cli.fanuc",

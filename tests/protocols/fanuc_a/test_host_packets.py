@@ -311,9 +311,15 @@ class Test53:
     def test_bytes_low_is_what_can_no_longer_be_asked_for(self) -> None:
         bench = expansion()
         bench.streaming(limit=25 * bench.packet)
+        bench.monitor(Monitor.DC3)
         bench.host.abort(bench.now)
         bench.pull()
         assert (bench.ended.bytes_low, bench.ended.bytes_high) == (16 * 256, 25 * 256)
+        deaf = expansion()
+        deaf.streaming(limit=25 * deaf.packet)
+        deaf.host.abort(deaf.now)
+        deaf.pull()
+        assert deaf.ended.bytes_low == 0, "4.6 1): a control with an open-line error says nothing, and hears nothing"
         other = expansion()
         other.streaming(limit=5 * other.packet)
         other.host.receive_data(encode_monitor(Monitor.NAK, number=0x33), other.now)
