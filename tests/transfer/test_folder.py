@@ -42,6 +42,17 @@ def test_what_is_there_at_the_moment_counts(tmp_path: Path) -> None:
         programs.find("7")
 
 
+def test_two_files_of_one_number_hide_no_other_number(tmp_path: Path) -> None:
+    """An editor leaves 7.bak while the host runs."""
+    programs = folder(tmp_path, "7.nc", "8.nc")
+    (tmp_path / "7.bak").touch()
+    assert programs.find("8") == tmp_path / "8.nc"
+    with pytest.raises(UsageError, match="are both program 7"):
+        programs.find("7")
+    with pytest.raises(UsageError, match="are both program 7"):
+        ProgramFolder(tmp_path)
+
+
 def test_a_new_program_stands_beside_what_is_there(tmp_path: Path) -> None:
     programs = folder(tmp_path, "O0042.txt", "42.received-1.nc", "unnamed-1.nc")
     assert programs.place_for("42", force=False) == tmp_path / "42.received-2.nc"

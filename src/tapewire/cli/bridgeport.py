@@ -43,21 +43,23 @@ def learn(
 ) -> int:
     """Find out at a real control what it says, step by step with a person there, and store it in FILE as a profile.
 
-    Drives off or axes locked. It sends programs that move nothing. Each step waits five minutes for the control.
+    Drives off or axes locked. It sends programs that move nothing. Each step waits five minutes for the control. The
+    profile needs no other --set.
     """
+    settings = settings_of(words, profile, "bridgeport", End.HOST)
     job = settings_for(
         End.HOST,
         line,
         "bridgeport",
         baud=baud,
         stopbits=stopbits,
-        settings=settings_of(words, profile, "bridgeport", End.HOST),
+        settings=settings,
         timeout_s=timeout,
         capture=capture_of(capture, capture_size),
     )
     place = ProfileFile(file, f"Seen at {control}", force=force)
 
     async def transfer(output: Output, stop: asyncio.Event) -> Result:
-        return await learn_profile(place, job.observed_by(output.observe, stop))
+        return await learn_profile(place, job.observed_by(output.observe, stop), settings)
 
     return run_job(file.name, "of the profile stored", as_json, transfer)

@@ -30,16 +30,17 @@ class ProgramFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._files()
+        self.signatures()
 
     def find(self, number: str) -> Path | None:
         """The file of program `number` as the folder is now; None where there is none. Raises UsageError."""
         assert _is_number(number), number
-        return self._files().get(int(number))
+        return self._only(self._files().get(int(number), []))
 
     def signatures(self) -> dict[Path, Signature]:
         """Of every program as the folder is now. Raises UsageError."""
-        return {path: signature_of(path) for path in self._files().values()}
+        only = (self._only(paths) for paths in self._files().values())
+        return {path: signature_of(path) for path in only if path is not None}
 
     def place_for(self, number: str | None, *, force: bool) -> Path:
         """Where a program that the control sends as `number` is stored: nothing that is there, unless `force`.
@@ -57,21 +58,29 @@ class ProgramFolder:
         candidates = (self.path / f"{stem}-{count}{SUFFIX}" for count in itertools.count(1))
         return next(path for path in candidates if not os.path.lexists(path))
 
-    def _files(self) -> dict[int, Path]:
-        found: dict[int, Path] = {}
+    def _only(self, paths: list[Path]) -> Path | None:
+        if len(paths) > 1:
+            number = int(_numbered(paths[0]) or 0)
+            raise UsageError(f"{paths[0].name} and {paths[1].name} in {self.path} are both program {number}")
+        return paths[0] if paths else None
+
+    def _files(self) -> dict[int, list[Path]]:
+        found: dict[int, list[Path]] = {}
         try:
             paths = sorted(entry for entry in self.path.iterdir() if entry.is_file())
         except OSError as error:
             raise UsageError(f"{self.path}: cannot be read as a folder of programs ({error.strerror})") from None
         for path in paths:
-            named = _NUMBERED.fullmatch(path.stem)
-            if named is None or path.name.startswith("."):
-                continue
-            number = int(named[1])
-            if number in found:
-                raise UsageError(f"{found[number].name} and {path.name} in {self.path} are both program {number}")
-            found[number] = path
+            number = _numbered(path)
+            if number is not None:
+                found.setdefault(int(number), []).append(path)
         return found
+
+
+def _numbered(path: Path) -> str | None:
+    """The number in the name of `path`; None where that is no program's."""
+    named = _NUMBERED.fullmatch(path.stem)
+    return None if named is None or path.name.startswith(".") else named[1]
 
 
 def signature_of(path: Path) -> Signature:

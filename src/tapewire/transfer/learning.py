@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 
 from tapewire.engine import Nanos, Notice, Outcome
@@ -37,9 +38,12 @@ class ProfileFile:
             file.write(text)
 
 
-async def learn_profile(place: ProfileFile, job: JobSettings) -> Result:
-    """Guide a person through the session, and store what was seen, also when it ended early. Raises LineError."""
-    learner = Learner(job.params)
+async def learn_profile(place: ProfileFile, job: JobSettings, given: Mapping[str, str]) -> Result:
+    """Guide a person through the session, and store what was seen, also when it ended early. Raises LineError.
+
+    `given` are the words that `job.params` was made of. They go into the profile too, so that it needs no others.
+    """
+    learner = Learner(job.params, given)
 
     def observe(report: Report, now: Nanos) -> None:
         if not isinstance(report, Progress):

@@ -304,9 +304,21 @@ def test_1_2_2_a_program_nobody_asked_for_is_dropped_and_told() -> None:
     rig.take()
     rig.hear(LINK + EOT)
     assert rig.of(Notice) == [
-        Notice(text=f"the control sent a program of {len(LINK)} bytes that nobody had asked for: dropped")
+        Notice(text="the control sends a program without a name, which nobody has asked for: it is dropped"),
+        Notice(text=f"{len(LINK)} bytes of it were dropped"),
     ]
     assert rig.end is None
+
+
+def test_1_2_2_a_program_nobody_asked_for_is_told_before_its_end_which_may_not_come() -> None:
+    rig = Rig()
+    rig.hear(DC2)
+    rig.take()
+    rig.hear(b"9" * 65)
+    assert "nobody has asked for" in str(rig.of(Notice))
+    rig.hear(b"9" * 2_000_000)
+    assert len(rig.of(Notice)) == 1
+    assert rig.end is None, "what is armed stays armed"
 
 
 def test_1_2_2_nothing_but_text_is_stored() -> None:

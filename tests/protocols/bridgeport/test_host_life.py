@@ -168,6 +168,19 @@ def test_a_damaged_character_and_nothing_after_it_is_a_failure() -> None:
     assert rig.end.outcome is Outcome.FAILED
 
 
+def test_an_xoff_after_a_damaged_character_is_a_pause_and_limited_as_one() -> None:
+    rig = Rig(b"X" * 100)
+    rig.hear(DC1)
+    rig.take(10)
+    rig.host.receive_line_fault(LineFault.PARITY, None, rig.now)
+    rig.hear(DC3)
+    rig.wait(61 * SECOND)
+    assert rig.end is None
+    rig.wait(600 * SECOND)
+    assert rig.end is not None
+    assert "held by XOFF for longer than 600 s" in rig.end.reason
+
+
 def test_a_parity_error_found_in_software_is_a_line_fault() -> None:
     rig = Rig(b"X" * 100, parity="software")
     rig.hear(DC1)

@@ -216,3 +216,57 @@ def test_nak_before_the_end_has_gone_out_or_after_a_load_means_nothing() -> None
     assert load.end is not None
     assert load.end.outcome is Outcome.COMPLETE
     assert load.of(Violation)
+
+
+# a damaged character where nothing of ours is under way may have been a cancel
+
+
+@pytest.mark.parametrize("mode", ["L", "D"])
+def test_behind_the_end_of_a_program_it_makes_the_job_failed(mode: str) -> None:
+    rig = Rig(P).name(f"1;{mode}".encode())
+    rig.say(DC1)
+    if mode == "D":
+        rig.say(ACK)
+    assert rig.host.state is State.TAIL
+    rig.host.receive_line_fault(LineFault.PARITY, 0x90, rig.now)
+    rig.wait(2 * SECOND)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+    assert "may have been a cancel" in rig.end.reason
+    assert rig.end.bytes_high == len(P)
+
+
+def test_behind_the_end_of_a_save_it_makes_the_save_damaged() -> None:
+    rig, sink = Rig(None), BytesIO()
+    rig.host.receive(sink, 0)
+    rig.say(DC2)
+    rig.say(P + EOT)
+    rig.host.receive_line_fault(LineFault.FRAMING, 0, rig.now)
+    rig.wait(2 * SECOND)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+    assert "framing error behind its end" in rig.end.reason
+
+
+def test_while_the_control_waits_it_ends_the_wait_and_leaves_what_is_armed() -> None:
+    rig, programs = waiting()
+    rig.host.receive_line_fault(LineFault.PARITY, None, rig.now)
+    programs["42"] = P
+    rig.wait(60 * SECOND)
+    assert rig.take() == b""
+    assert rig.of(Ended) == []
+    assert rig.name(b"42;L").say(DC1) == P + EOT
+
+
+def test_behind_a_name_it_makes_the_name_none() -> None:
+    rig = Rig(P).name(b"42;L")
+    rig.host.receive_line_fault(LineFault.PARITY, 0x11, rig.now)
+    assert rig.say(DC1) == b""
+    rig.say(DLE)
+    assert rig.name(b"42;L").say(DC1) == P + EOT
+
+
+def test_before_a_name_it_changes_nothing() -> None:
+    rig = Rig(P)
+    rig.host.receive_line_fault(LineFault.PARITY, 0x11, rig.now)
+    assert rig.name(b"42;L").say(DC1) == P + EOT

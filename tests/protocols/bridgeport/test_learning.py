@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from io import BytesIO
 
@@ -22,24 +23,35 @@ from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, tells_candidat
 from tapewire.protocols.settings import End
 from tapewire.sim.machine import Control
 
-STEPS = ("-1", "load", "save", "cancel", "link")
+STEPS = ("-1", "save", "load", "cancel", "link")
 SAVED = b"N1G0X1\r\nN2M2\r\n"
 
 
 class Shift:
-    """A learner, a cable, and an operator at the control, who does the steps named in `does`."""
+    """A learner, a cable, and an operator at the control, who does the steps named in `does`.
 
-    def __init__(self, does: tuple[str, ...] = STEPS, **settings: str) -> None:
-        self.learner = Learner(Params.for_bridgeport({}, End.HOST))
+    What the control has not taken after `patience_s` the operator cancels.
+    """
+
+    def __init__(
+        self, does: tuple[str, ...] = STEPS, settings: Mapping[str, str] | None = None, *, patience_s: float = 15
+    ) -> None:
+        settings = settings or {}
+        shared = {key: word for key, word in settings.items() if key == "parity"}
+        self.learner = Learner(Params.for_bridgeport(shared, End.HOST), shared)
         self.near, self.far = simulated_cable(9600, EndSettings(window=2), EndSettings(window=2, fifo=2))
         self.host = Link(self.learner, self.near, on_event=self.note)
         self.cnc: Link | None = None
         self.does = does
         self.settings = settings
+        self.patience = round(patience_s * SECOND)
         self.now: Nanos = 0
         self.told: list[str] = []
         self.events: list[Event] = []
         self.end: Ended | None = None
+        self.step = ""
+        self.working = False
+        """The control has a job."""
         self.cancel_at: Nanos | None = None
 
     def note(self, event: Event, now: Nanos) -> None:
@@ -48,21 +60,33 @@ class Shift:
             self.end = event
         elif isinstance(event, Notice):
             self.told.append(event.text)
-            if event.text.startswith("step") and " at the control" in event.text:
-                step = STEPS[int(event.text[5]) - 1]
-                if step in self.does:
-                    self.act(step)
+            self.do(event.text)
 
-    def act(self, step: str) -> None:
+    def do(self, text: str) -> None:
+        """What a person does who is told this."""
+        if text.startswith("step") and " at the control" in text:
+            self.step = STEPS[int(text[5]) - 1]
+        if text.startswith(("step", "once more")) and " at the control" in text and self.step in self.does:
+            self.act()
+        elif text.startswith("trying"):
+            self.cancel_at = self.now + self.patience
+        elif "back to rest" in text and self.working:
+            self.cancel_at = self.now
+
+    def act(self) -> None:
         """The operator goes to the control."""
-        words = {"program": "-1" if step == "-1" else "1234", "mode": "D" if step == "link" else "L"}
+        words = {"program": "-1" if self.step == "-1" else "1234", "mode": "D" if self.step == "link" else "L"}
         cnc = BridgeportCnc(Params.for_bridgeport({**self.settings, **words}, End.CONTROL))
-        self.cnc = Link(cnc, self.far, application=Control(cnc, BytesIO()))
-        if step == "save":
+        self.cnc = Link(cnc, self.far, application=Control(cnc, BytesIO()), on_event=self.note_cnc)
+        self.working = True
+        if self.step == "save":
             cnc.punch(BytesIO(SAVED), self.now)
         else:
             cnc.cycle_start(self.now)
-        self.cancel_at = self.now + 20 * SECOND if step == "cancel" else None
+        self.cancel_at = self.now + 3 * SECOND if self.step == "cancel" else None
+
+    def note_cnc(self, event: Event, now: Nanos) -> None:
+        self.working = self.working and not isinstance(event, Ended)
 
     def run(self) -> Shift:
         self.learner.begin(self.now)
@@ -71,8 +95,9 @@ class Shift:
             if self.cnc is not None:
                 if self.cancel_at is not None and self.cancel_at <= self.now:
                     self.cancel_at = None
-                    assert isinstance(self.cnc.engine, BridgeportCnc)
-                    self.cnc.engine.reset(self.now)
+                    if self.working:
+                        assert isinstance(self.cnc.engine, BridgeportCnc)
+                        self.cnc.engine.reset(self.now)
                 self.cnc.step(self.now)
             links = [self.host] if self.cnc is None else [self.host, self.cnc]
             moments = (self.cancel_at, *(link.next_deadline() for link in links))
@@ -81,10 +106,10 @@ class Shift:
 
 
 def learned(does: tuple[str, ...] = STEPS, **settings: str) -> dict[str, str]:
-    shift = Shift(does, **settings).run()
+    shift = Shift(does, settings).run()
     assert shift.end is not None
     assert shift.end.outcome is Outcome.COMPLETE, shift.told
-    return shift.learner.seen
+    return dict(shift.learner.seen)
 
 
 USUAL = {
@@ -96,8 +121,11 @@ USUAL = {
     "write_close": "14",
     "cancel": "10",
     "cancel_tail": "03 04 06 10 13 14 15 18",
-    "lrc": "xor7_etb",
     "first_record": "at_once",
+    "lrc": "xor7_etb",
+    "ack": "06",
+    "rec_end": "17",
+    "dnc_end": "eot_on_ack",
 }
 
 
@@ -111,8 +139,8 @@ def test_the_profile_says_what_was_seen_and_what_was_not() -> None:
     assert profile.title == "Seen at mill 3"
     assert {key: profile.settings[key] for key in USUAL} == USUAL
     assert {key for key, percent in profile.confidence.items() if percent == 100} >= set(USUAL)
-    assert profile.confidence["dnc_end"] == 70
-    assert profile.confidence["rec_end"] == ROLES["rec_end"].confidence
+    assert profile.confidence["dnc_end"] == 100
+    assert profile.confidence["nak"] == ROLES["nak"].confidence
 
 
 @pytest.mark.parametrize("lrc", LRC_CANDIDATES)
@@ -129,8 +157,11 @@ def test_the_program_it_sends_tells_the_candidates_apart() -> None:
     [
         ({"name_trailer": "04"}, {"name_end": "04"}),
         ({"name_trailer": "0D 0A 04 14"}, {"name_end": "04 14"}),
-        ({"save_trailer": "03"}, {"text_end": "03"}),
-        ({"save_trailer": "14 04"}, {"text_end": "14", "write_close": "04"}),
+        ({"save_trailer": "03", "text_end": "03", "rec_end_last": "04"}, {"text_end": "03"}),
+        ({"save_trailer": "14 04"}, {"text_end": "04", "write_close": "14"}),
+        ({"save_trailer": "14"}, {"text_end": "04", "write_close": "14"}),
+        ({"save_trailer": "03"}, {"text_end": "04", "write_close": "03"}),
+        ({"text_end": "03", "rec_end_last": "04"}, {"text_end": "03", "write_close": "04"}),
         ({"operator_cancel": "10 18"}, {"cancel": "10"}),
         ({"operator_cancel": "13 18"}, {"cancel": "18"}),
         ({"operator_cancel": "10 02"}, {"cancel": "10", "cancel_tail": "02 03 04 06 10 13 14 15 18"}),

@@ -313,7 +313,7 @@ def test_what_a_control_sent_is_stored_alike_however_it_is_cut(pieces: list[byte
     assert not saved.damage
 
 
-@pytest.mark.parametrize(("data", "what"), [(b"N1\rN2\n", "CR without LF at byte 2"), (b"N1\x05\n", "ENQ (05h)")])
+@pytest.mark.parametrize(("data", "what"), [(b"N1\rN2\n", "CR without LF at byte 3"), (b"N1\x05\n", "ENQ (05h)")])
 def test_what_is_strange_is_stored_as_it_is_and_told(data: bytes, what: str) -> None:
     out = io.BytesIO()
     saved = SavedText(out.write)

@@ -120,6 +120,25 @@ class BridgeportHost(Job):
                 self._held = True
                 self._events.put(Held(why=f"{fault}: it may have been XOFF"))
             self._timers.start(Timer.DAMAGED, now + DAMAGED_WAIT)
+        else:
+            self._doubt(fault)
+
+    def _doubt(self, fault: LineFault) -> None:
+        """Nothing of ours is under way, so it may have been a cancel: what hangs on its not being one is doubtful."""
+        match self._state:
+            case State.TAIL if self._tail_verdict is None:
+                why = "sent whole, then a damaged character came, which may have been a cancel: see at the control"
+                self._tail_verdict = Outcome.FAILED, f"{why} whether the program is in"
+            case State.SAVED:
+                assert self._reception is not None
+                self._reception.damage = self._reception.damage or f"{fault} behind its end"
+            case State.HOLD:
+                self._events.put(Notice(text=f"it may have been a cancel: {self._what} is not waited for any more"))
+                self._rest()
+            case State.REST if self._name is not None:
+                self._name, self._spoilt_name = None, f"{fault} behind it"
+            case _:
+                pass
 
     def receive_signals(self, signals: SignalsIn, now: Nanos) -> None:
         """Where the line shows whether the control is switched on, its going off ends the job."""
@@ -353,8 +372,9 @@ class BridgeportHost(Job):
             self._held = self._just_ended(now)
             self._ignore(Heard.XOFF, character)
             return
+        was_damaged = self._timers.running(Timer.DAMAGED)
         self._timers.stop(Timer.DAMAGED)
-        if self._held:
+        if self._held and not was_damaged:
             return
         self._held = True
         if self._state is not State.TAIL or self._more_to_send:
@@ -432,8 +452,7 @@ class BridgeportHost(Job):
             self._note_stored()
         else:
             self._name = None
-            what = f"the control sent a program of {reception.count:,} bytes that nobody had asked for: dropped"
-            self._events.put(Notice(text=what))
+            self._events.put(Notice(text=f"{reception.count:,} bytes of it were dropped"))
 
     def _take_name(self, name: Name) -> None:
         self._name = name

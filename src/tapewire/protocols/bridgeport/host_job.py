@@ -262,6 +262,8 @@ class Job:
         sink = shelf.place(self._name.number if self._name is not None else None) if shelf is not None else None
         if sink is not None:
             self._events.put(Started(why=f"the control sends {self._what}"))
+        else:
+            self._events.put(Notice(text=f"the control sends {self._what}, which nobody has asked for: it is dropped"))
         return sink
 
     def _note_stored(self) -> None:

@@ -33,7 +33,7 @@ LINK_CONFIDENCE: Final[Mapping[str, int]] = {"lrc": 70, "dnc_end": 70, "first_re
 _HEAD: Final = """\
 # Control codes of Bridgeport REMOTE LOAD and DNC LINK, and what else the protocol's text does not say.
 # Codes are hexadecimal characters of seven bits, or names as DC2. [settings] takes what --set takes.
-# [confidence] is in percent; 100 means seen at the control named in the title.
+# [confidence] is in percent; 100 means said by the text, or seen at the control named in the title.
 """
 
 

@@ -138,7 +138,7 @@ class SavedText:
 
     def _note(self, what: str, offset: int) -> None:
         if not self.damage:
-            self.damage.append(f"{what} at byte {self._count + offset:,}")
+            self.damage.append(f"{what} at byte {self._count + offset + 1:,}")
 
 
 @dataclass(frozen=True, slots=True)
