@@ -14,7 +14,7 @@ from tapewire.engine import SECOND, Nanos, Sink
 from tapewire.errors import UsageError
 from tapewire.line.faults.chance import derive
 from tapewire.line.faults.damage import Parity
-from tapewire.line.faults.injector import injectors
+from tapewire.line.faults.injector import Injectors, injectors
 from tapewire.line.faults.plan import Extent, FaultPlan
 from tapewire.line.faults.presets import preset
 from tapewire.line.link import Link
@@ -93,14 +93,7 @@ class World:
         host, cnc = entry.host(host_params), entry.cnc(cnc_params)
         path = _path(path) if isinstance(path, str) else path
         plan = preset(faults) if isinstance(faults, str) else faults or CLEAN
-        number = str(len(self.pairs))
-        line = injectors(
-            plan,
-            lambda stream: derive(self.seed, name, number, stream),
-            extent=extent,
-            character=character_time(baud),
-            parity=parity,
-        )
+        line = self._injectors(plan, name, extent=extent, character=character_time(baud), parity=parity)
         near, far = simulated_cable(
             baud,
             EndSettings(window=window or default_window(baud, host.needs_stop_distance), path=path or plan.path),
@@ -129,6 +122,19 @@ class World:
         self.pairs.append(pair)
         pair.step(self.now)
         return pair
+
+    def _injectors(
+        self, plan: FaultPlan, name: str, *, extent: Extent | None, character: Nanos, parity: Parity
+    ) -> Injectors:
+        """Every wire has a stream of its own, by the name of the protocol and the number of the machine."""
+        number = str(len(self.pairs))
+        return injectors(
+            plan,
+            lambda stream: derive(self.seed, name, number, stream),
+            extent=extent,
+            character=character,
+            parity=parity,
+        )
 
     # time
 
