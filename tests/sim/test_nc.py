@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from io import BytesIO
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tapewire.codes import DataCode, encode
-from tapewire.engine import Alarm, Outcome
+from tapewire.engine import SECOND, Alarm, Outcome
 from tapewire.errors import UsageError
 from tapewire.fanuc.block_check import BlockCheck
+from tapewire.fanuc.leds import BoardStatus
+from tapewire.fanuc.memory import Address
 from tapewire.fanuc.parameter_check import ParameterMemory
 from tapewire.fanuc.parameters import Interface, ParameterSet
 from tapewire.fanuc.program_memory import FEED_BYTES
@@ -388,3 +393,44 @@ def test_11_sr890_a_wrong_check_byte() -> None:
     shop = Shop(blocks_per_second=100).dnc(b"%\nG05\n" + bytes((0, 2, 0, 0, 0, 0, 9)) * 3000 + b"\nM30\n%")
     assert shop.both_end()[1] is Outcome.FAILED
     assert shop.alarms == ["SR890"]
+
+
+# -- whatever the operator does ------------------------------------------------------------------------------
+
+KEYS: dict[str, Callable[[Nc, int], object]] = {
+    "cycle start": lambda nc, now: nc.cycle_start(now),
+    "feed hold": lambda nc, now: nc.feed_hold(now),
+    "reset": lambda nc, now: nc.reset(now),
+    "stop": lambda nc, now: nc.stop(now),
+    "read": lambda nc, now: nc.read(now),
+    "read in the background": lambda nc, now: nc.read(now, Ground.BACKGROUND),
+    "punch": lambda nc, now: nc.punch_parameters(now),
+    "punch programs": lambda nc, now: nc.punch_programs(now),
+    "a wrong request": lambda nc, now: nc.board.request(99, now),
+    "memory": lambda nc, now: nc.board.memory.byte(nc.board.memory.address(Address.BUFFER)),
+}
+acts = st.lists(st.tuples(st.sampled_from(sorted(KEYS)), st.integers(0, 3 * 10**9)), max_size=8)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(ALL), acts, st.booleans())
+def test_whatever_the_operator_does_a_reset_brings_the_control_to_rest(
+    parameters: ParameterSet, keys: list[tuple[str, int]], armed: bool
+) -> None:
+    shop = Shop(parameters, blocks_per_second=20)
+    if armed:
+        shop.arm(LONG)
+    elif parameters is not A:
+        shop.pair.host.receive(shop.pair.received, 0)
+    for key, wait in keys:
+        with suppress(UsageError):
+            KEYS[key](shop.nc, shop.world.now)
+        shop.world.run_for(wait)
+    shop.nc.stop(shop.world.now)
+    shop.pair.control.reset(shop.world.now)
+    shop.world.run_for(60 * SECOND)
+    assert shop.nc.operation is Operation.NONE
+    assert shop.pair.control.idle
+    assert shop.pair.cnc.buffered == 0
+    assert shop.nc.alarms == []
+    assert shop.nc.board.status is BoardStatus.IDLE
