@@ -73,6 +73,12 @@ class HostSettings:
         options += [f"--set {key}={value}" for key, value in words.items()]
         return " ".join(["tapewire", verb, file, f"--line {line}", *options])
 
+    def control_command(self, control: ControlSettings, *, line: str = "LINE") -> str:
+        """The command line of a simulated control with the same parameters."""
+        options = [f"--protocol {self.protocol}", f"--baud {control.baud}", f"--stopbits {control.stopbits}"]
+        options += [f"--set {key}={value}" for key, value in control.settings.items()]
+        return " ".join(["tapewire", "cnc", f"--line {line}", *options])
+
     @property
     def receives(self) -> bool:
         """Protocol A has no punch-out (2.2, chapter 1 2))."""
