@@ -50,6 +50,13 @@ def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterato
         yield "no engine breaks", evidence.broken, ""
     if evidence.footprint > FOOTPRINT_BYTES:
         yield "memory is bounded", f"{evidence.footprint:,} bytes", ""
+    if evidence.host.after_stop:
+        yield "nothing is handed over after a stop", f"{evidence.host.after_stop} characters", ""
+    if evidence.left_alone and not evidence.damages and not evidence.overruns_beyond and not evidence.jobs[0].complete:
+        yield "what nothing disturbs completes", f"not complete: {evidence.jobs[0].reason}", ""
+    if _must_be_repeated(scenario, evidence) and not evidence.jobs[0].complete:
+        what = f"not complete after {evidence.damages[0].name}: {evidence.jobs[0].reason}"
+        yield "what can be asked for again is", what, ""
     for who in evidence.waited:
         yield "nobody waits for ever", f"the {who} waits, and nothing more is to come", excuses.waiting(who)
     for who in evidence.stuck:
@@ -58,6 +65,14 @@ def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterato
         if count > allowed:
             what = f"{count} characters after a stop at {moment / 1e9:.3f} s, {allowed} allowed"
             yield "no more comes after a stop than is allowed", what, _overrun_excuse(scenario, allowed, excuses)
+
+
+def _must_be_repeated(scenario: Scenario, evidence: Evidence) -> bool:
+    """One character turned in all, and nothing else, in a protocol whose ends ask again for what came damaged."""
+    repeats = scenario.protocol.startswith("fanuc-a") and scenario.settings.host.get("Ne", "10") != "0"
+    damages = evidence.damages
+    one = len(damages) == 1 and damages[0].unseen and len(damages[0].plain) == len(damages[0].sent) == 1
+    return repeats and one and evidence.left_alone and not evidence.overruns_beyond
 
 
 def _overrun_excuse(scenario: Scenario, allowed: int, excuses: Excuses) -> str:

@@ -65,9 +65,16 @@ class Tap:
 
     sent: bytearray = field(default_factory=bytearray)
     brought: bytearray = field(default_factory=bytearray)
+    stops: frozenset[int] = frozenset()
+    """Characters that stop this end, as it reads them,"""
+    goes: frozenset[int] = frozenset()
+    """and those that let it go on, or end what it was doing."""
+    after_stop: int = 0
+    """Characters handed over between one and the other."""
+    _stopped: bool = False
 
     def listen(self, link: Link) -> None:
-        link.on_write = self.sent.extend
+        link.on_write = self._write if self.stops else self.sent.extend
         link.on_recall = self._recalled
         before = link.on_item
         link.on_item = self._hear if before is None else _both(self._hear, before)
@@ -76,9 +83,16 @@ class Tap:
         if count:
             del self.sent[-count:]
 
+    def _write(self, data: bytes) -> None:
+        self.sent += data
+        if self._stopped:
+            self.after_stop += len(data)
+
     def _hear(self, item: LineItem, now: Nanos) -> None:
         if isinstance(item, bytes):
             self.brought += item
+            for byte in item if self.stops else b"":
+                self._stopped = byte in self.stops or (self._stopped and byte not in self.goes)
         elif isinstance(item, Fault) and item.byte is not None:
             self.brought.append(item.byte)
 
@@ -157,6 +171,11 @@ class Evidence:
     overruns: list[tuple[Nanos, int, int]] = field(default_factory=list)
     """Characters after a stop: when told, how many, how many are allowed."""
 
+    @property
+    def overruns_beyond(self) -> bool:
+        """More came after a stop than the control tolerates: it may then end the job."""
+        return any(count > allowed for _, count, allowed in self.overruns)
+
     def note_fault(self, entry: Injected) -> None:
         self.last_disturbance = max(self.last_disturbance, entry.moment)
         if len(self.damages) >= MOST_DAMAGES:
@@ -177,6 +196,12 @@ class Evidence:
     def on(self, wire: Wire) -> list[Damage]:
         """Damages of characters on `wire`."""
         return [damage for damage in self.damages if damage.wire is wire and (damage.sent or damage.arrived)]
+
+    @property
+    def left_alone(self) -> bool:
+        """Nobody and nothing interfered with the first job but what happened to characters."""
+        job = self.jobs[0] if self.jobs else None
+        return job is not None and not any(moment <= job.ended or job.complete is None for moment, _ in self.acts)
 
     def unseen(self, wire: Wire) -> list[Damage]:
         return [damage for damage in self.on(wire) if damage.unseen]

@@ -175,7 +175,7 @@ def draw(protocol: str, preset: str, seed: int, *, path: str | None = None, punc
         parity=draws.happens(0.75),
         settings=settings,
         grain=draws.choice((1, 8, 16, 32, 64, 128, 128)) if size < SMALL_BYTES else draws.choice((16, 64, 128, 128)),
-        cnc_window=_cnc_window(draws, settings, size, direction),
+        cnc_window=_cnc_window(draws, protocol, settings, size, direction),
         window=_wide_window(draws, protocol, baud, size, direction),
         late=draws.choice((0, 0, 1, 15)) * MILLISECOND,
         source_pauses=draws.choice((0.0, 0.0, 0.0, 0.05)),
@@ -187,11 +187,11 @@ def draw(protocol: str, preset: str, seed: int, *, path: str | None = None, punc
     )
 
 
-def _cnc_window(draws: Draws, settings: Settings, size: int, direction: Direction) -> int:
+def _cnc_window(draws: Draws, protocol: str, settings: Settings, size: int, direction: Direction) -> int:
     """A control that a host pauses by CS stops within two characters (6.1.1 2) (3) (a)); others have a FIFO."""
     if settings.host.get("pause") == "cs":
         return 2
-    if direction is Direction.RECEIVE and size > SMALL_BYTES:
+    if protocol == "fanuc-a" or (direction is Direction.RECEIVE and size > SMALL_BYTES):
         return draws.choice((64, 128))
     return draws.choice((1, 2, 2, 16))
 

@@ -163,5 +163,8 @@ def _agree(protocol: str, host: dict[str, str], cnc: dict[str, str], draws: Draw
         if cnc.get("naming") == "off" and not receives:
             # Without a name it is a load, whatever the control would have said.
             cnc["mode"] = "L"
-    elif protocol == "fanuc-a" and int(host.get("Nb", "4000")) <= int(host.get("No", "512")):
+    if host.get("To") == "5":
+        # A first DAT of 1950 bytes takes 8.9 s at 2400 baud, and no host knows yet how slow the line is.
+        cnc.pop("time_out", None)
+    if protocol == "fanuc-a" and int(host.get("Nb", "4000")) <= int(host.get("No", "512")):
         host.pop("No", None)

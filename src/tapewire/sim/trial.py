@@ -47,8 +47,8 @@ QUIET: Final[Nanos] = 3 * SECOND
 BACK: Final[Nanos] = 60 * SECOND
 """Whoever lost his power has it again by then."""
 
-NOBODY_ASKS: Final[Nanos] = 30 * SECOND
-"""An armed host whose control is at rest is left waiting for so long."""
+NOBODY_COMES: Final[Nanos] = 30 * SECOND
+"""An armed host whose control is at rest, or a control whose host has ended, is left waiting for so long."""
 
 HANDSHAKE: Final = 600
 """Characters of initialisation, polls and answers beside the program, about."""
@@ -143,6 +143,10 @@ class Trial:
         return {"blocks_per_second": scenario.blocks_per_second, "binary": None}
 
     def _tap(self, pair: Pair) -> None:
+        if self._sends and not self.scenario.protocol.startswith("fanuc-a"):
+            # DC3; DC1, or what ends or begins a transfer: NAK, SYN, and DLE, DC2 of Bridgeport.
+            self.evidence.host.stops = frozenset(b"\x13\x93")
+            self.evidence.host.goes = frozenset(b"\x10\x11\x12\x15\x16\x95\x96")
         self.evidence.host.listen(pair.host_link)
         self.evidence.cnc.listen(pair.cnc_link)
 
@@ -234,19 +238,27 @@ class Trial:
         self.evidence.attempts.append(attempt)
 
     def _is_over(self) -> bool:
-        if self._busy:
-            return False
-        if self._job is None:
+        """Both are at rest, or one of them is, and the other waits for somebody who does not come."""
+        job = self._job
+        if job is None and not self._busy:
             return True
-        quiet_since = max(self.scenario.start, self.evidence.last_disturbance, self._last_act)
-        return self._host_waits_for_nobody and self.world.now > quiet_since + NOBODY_ASKS
+        quiet_since = max(self.scenario.start, self.evidence.last_disturbance, self._last_act, self._host_over_at)
+        if self.world.now <= quiet_since + NOBODY_COMES:
+            return False
+        return self._host_waits_for_nobody if job is not None else not self.evidence.jobs[-1].complete
+
+    @property
+    def _host_over_at(self) -> Nanos:
+        return self.evidence.jobs[-1].ended
 
     @property
     def _last_act(self) -> Nanos:
         return max((act.moment + act.span for act in self.scenario.acts), default=0)
 
     def _run_to_the_end(self) -> None:
-        """Until both are at rest. A host whose job never began is told to give up, as its operator would."""
+        """Until both are at rest. A control whose host has ended without being complete is reset, and a host whose job
+        never began is told to give up, as their operators would.
+        """
         scenario, evidence = self.scenario, self.evidence
         began = self.world.now + scenario.start
         patience = scenario.run_time + scenario.held + PATIENCE[scenario.protocol]
@@ -254,6 +266,10 @@ class Trial:
             if self.world.now >= max(began, evidence.last_disturbance) + patience:
                 self._end_the_waiting()
                 return
+        if self._busy:
+            self._reset()
+            self.world.advance(lambda: not self._busy, self.world.now + AFTER_RESET)
+            evidence.stuck += ["control"] * self._busy
         if self._job is not None:
             self._abort()
 

@@ -141,6 +141,8 @@ class Excuses:
             damage = self._program_damage(attempt, len(self._evidence.program))
             if damage is not None:
                 return damage.name
+        if self._dark_control:
+            return "a control whose loss of power nothing shows"
         return self._told_wrongly()
 
     def _told_wrongly(self) -> str:
@@ -167,6 +169,8 @@ class Excuses:
             wrong = first_difference(bytes(attempts[-1].delivered), self._evidence.program)
             if wrong is not None and (lost := self._lost_packets(attempts[-1], wrong)):
                 return lost
+        if self._evidence.kinds("late stop"):
+            return "a word of the control that is heard later than 100 ms"
         return self._told_wrongly()
 
     def more(self, attempts: list[Attempt]) -> str:
@@ -189,7 +193,9 @@ class Excuses:
         """Too many characters came after a stop, on a path that would have stopped."""
         if self._evidence.too_many:
             return _MOST_AMBIGUOUS
-        if self._evidence.on(Wire.FROM_CONTROL):
+        damages = self._unseen(Wire.FROM_CONTROL) if self._is_b else self._evidence.on(Wire.FROM_CONTROL)
+        if damages:
+            # A host of protocol B stops at a damaged character too.
             return "a stop request lost, damaged or late"
         if self._evidence.kinds("late stop"):
             return "a stop request lost, damaged or late"
