@@ -181,6 +181,8 @@ def tape(file: Path, source: str, words: tuple[str, ...], tv: bool, no_comments:
         file, source=source_of(source), comments=comments if tv else None, signs=EiaSigns.parse(words)
     )
     click.echo("\n".join(_tape_text(report)))
+    if tv and not report.failures:
+        click.echo("TV check: every block has an even number of characters")
     return NOT_COMPLETE if report.failures else COMPLETE
 
 
