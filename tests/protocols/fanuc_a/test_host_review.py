@@ -158,6 +158,7 @@ class TestObstacle:
 def test_what_packets_of_one_job_have_proven_is_not_credited_to_the_next() -> None:
     bench = Bench(expansion=True, n="1")
     bench.streaming(limit=3500)
+    bench.monitor(Monitor.DC3)
     bench.host.abort(bench.now)
     bench.wait(1.5)
     assert bench.ended.bytes_low > 295
