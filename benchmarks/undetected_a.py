@@ -22,6 +22,7 @@ from tapewire.protocols.fanuc_a.messages import Coding, Command, Message, Messag
 from tapewire.protocols.fanuc_a.packets import (
     END_NUMBER,
     NUMBERS,
+    BadPacket,
     Packet,
     data_bytes,
     encode_packet,
@@ -83,6 +84,13 @@ def doubling(data: bytearray, random: Random) -> None:
     data.insert(at, data[at])
 
 
+def loss_and_doubling(data: bytearray, random: Random) -> None:
+    """The length stays as it was, and what lies between has moved by one."""
+    lost, doubled = random.sample(range(len(data) - 1), 2)
+    data.insert(doubled, data[doubled])
+    del data[lost + (lost > doubled)]
+
+
 def early_end(data: bytearray, random: Random) -> None:
     """2Dh and 4Dh are one bit away from 0Dh."""
     places = [at for at in range(5, len(data) - 1) if data[at] in b"-M"]
@@ -98,6 +106,7 @@ DAMAGES: Final[tuple[tuple[str, Damage], ...]] = (
     ("one character lost", loss),
     ("2 to 32 neighbours lost", gap),
     ("one character doubled", doubling),
+    ("one character lost, another doubled", loss_and_doubling),
     ("one bit that makes `-` or `M` a CR", early_end),
 )
 
@@ -232,7 +241,22 @@ def whole_packets() -> list[list[str]]:
         "one doubled": [sent[: at + 1] + sent[at:] for at in effective],
         "two neighbours swapped": [[*sent[:at], sent[at + 1], sent[at], *sent[at + 2 :]] for at in range(WHOLE - 2)],
     }
-    return [[name, f"{sum(map(unnoticed, orders))} of {len(orders)}"] for name, orders in cases.items()]
+    rows = [[name, f"{sum(map(unnoticed, orders))} of {len(orders)}"] for name, orders in cases.items()]
+    lost_naks = sum(goes_on_without_nak(sent, at) for at in effective)
+    return [*rows, ["one spoilt, and all of its NAK lost", f"{lost_naks} of {len(effective)}"]]
+
+
+def goes_on_without_nak(sent: list[Packet], spoilt: int) -> bool:
+    """The host never hears of it; the control takes the packet of that number ten later for the one it asked for."""
+    job, session = reading_control(1)
+    for at, each in enumerate(sent):
+        verdict = session.receive(BadPacket(number=each.number, why="checksum error") if at == spoilt else each)
+        asked = session.next_monitor()
+        if verdict is Verdict.END or (asked is not None and at != spoilt):
+            return verdict is Verdict.END
+        job.take(256, connected=True)
+        session.freed()
+    return False
 
 
 def main() -> None:
@@ -244,6 +268,7 @@ def main() -> None:
         swap: "100 %",
         loss: "0",
         gap: f"1/256 = {1 / 256:.2%} in messages; a packet is too short then",
+        loss_and_doubling: "where the two are alike, and 1/256 of the rest",
         doubling: "0; more where packets are looked for at every character",
         early_end: f"1/256 = {1 / 256:.2%}; packets have no end code to look for",
     }

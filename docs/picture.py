@@ -1,4 +1,5 @@
-"""Draws docs/images/demo.svg: what `tapewire demo` shows, half a minute in.
+"""Draws docs/images/demo.svg: what `tapewire demo` shows, half a minute in; and docs/images/capture.svg, which is what
+`tapewire decode` makes of a capture.
 
 The figures are those of the same job in the simulated world, so the picture is the same whenever it is drawn.
 """
@@ -12,6 +13,7 @@ from typing import Final
 
 from rich.console import Console
 
+from docs.generators import captures
 from tapewire.cli.demo_view import DemoView
 from tapewire.engine import SECOND, AfterStop, Event, Held, Nanos, Resumed
 from tapewire.line.pacing import character_time, default_window
@@ -42,6 +44,7 @@ def main() -> None:
     view.observe_host(host_progress(pair, meter, program.byte_count), world.now)
     view.observe_cnc(cnc_progress(pair), world.now)
     PICTURE.write_text(svg(view))
+    captures.PICTURE.write_text(captures.picture())
 
 
 def watch(pair: Pair, view: DemoView) -> Meter:

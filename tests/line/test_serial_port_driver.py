@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 
 from tapewire.engine import MICROSECOND, MILLISECOND, SECOND, Closure, LineFault, Nanos, SignalsIn, SignalsOut
 from tapewire.errors import LineError, UsageError
+from tapewire.line import open as opening
 from tapewire.line import tty_line
 from tapewire.line.descriptor import LineSettings, Parity
 from tapewire.line.kernel import Counters, SerialInfo
@@ -246,6 +247,24 @@ def test_a_transmitter_that_can_be_asked_guarantees_the_window(port: Bench) -> N
     port.uart.answers_empty = False
     line = port.open(STRICT)
     assert (line.stop_distance.characters, line.stop_distance.guaranteed) == (2 + 16, False)
+    line.close(0)
+
+
+async def test_a_transmitter_that_never_says_empty_is_not_asked(port: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    notes: list[str] = []
+    monkeypatch.setattr(port.uart, "transmitter_is_empty", lambda fd: False)
+    monkeypatch.setattr(opening, "EMPTY_QUESTIONS", 3)
+    line = await opening._proved(port.open(STRICT), notes.append)
+    assert (line.stop_distance.characters, line.stop_distance.guaranteed) == (18, False)
+    assert "never says" in notes[0]
+    line.close(0)
+
+
+async def test_one_that_says_so_a_little_later_is(port: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    answers = iter([False, False, True])
+    monkeypatch.setattr(port.uart, "transmitter_is_empty", lambda fd: next(answers, True))
+    line = await opening._proved(port.open(STRICT), pytest.fail)
+    assert line.stop_distance.guaranteed
     line.close(0)
 
 

@@ -21,6 +21,7 @@ _COMMANDS: Final = {
     "send": "tapewire.cli.send",
     "receive": "tapewire.cli.receive",
     "cnc": "tapewire.cli.cnc",
+    "decode": "tapewire.cli.decode",
     "bridgeport": "tapewire.cli.bridgeport",
     "simulate": "tapewire.cli.simulate",
     "ports": "tapewire.cli.ports",

@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import BinaryIO, Final, TypeAlias
+from typing import Final, Protocol, TypeAlias
 
 from tapewire.engine import MICROSECOND, SECOND, Nanos
 from tapewire.line.capture import (
@@ -29,7 +29,7 @@ from tapewire.line.capture import (
     Record,
 )
 
-__all__ = ["CaptureItem", "Packet", "Problem", "is_capture", "read_capture"]
+__all__ = ["CaptureItem", "Packet", "Problem", "Readable", "is_capture", "read_capture"]
 
 MAX_BLOCK: Final = 1 << 20
 """A longer block is passed over: no serial line fills it."""
@@ -65,9 +65,11 @@ SECTION_MARK: Final = b"\x0a\x0d\x0d\x0a"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Packet:
-    """A record, and where it comes from: `stream` counts the interfaces of the whole file from 0."""
+    """A record, and where it comes from: `stream` counts the interfaces of the whole file."""
 
     stream: int
+    section: int
+    """Sections follow one another: once one is over nothing more comes of its streams."""
     origin: Origin
     record: Record
 
@@ -81,6 +83,12 @@ class Problem:
 
 
 CaptureItem: TypeAlias = Packet | Problem
+
+
+class Readable(Protocol):
+    """A file, or what reads like one."""
+
+    def read(self, size: int, /) -> bytes: ...
 
 
 @dataclass(slots=True)
@@ -112,7 +120,7 @@ def is_capture(beginning: bytes) -> bool:
     return beginning[:4] == SECTION_MARK or beginning[:4] in CLASSIC
 
 
-def read_capture(stream: BinaryIO) -> Iterator[CaptureItem]:
+def read_capture(stream: Readable) -> Iterator[CaptureItem]:
     """Everything in `stream`, in the order of the file."""
     reader = _Reader(stream)
     beginning = reader.peek_four()
@@ -123,11 +131,11 @@ def read_capture(stream: BinaryIO) -> Iterator[CaptureItem]:
 
 
 class _Reader:
-    def __init__(self, stream: BinaryIO) -> None:
+    def __init__(self, stream: Readable) -> None:
         self._stream = stream
         self._offset = 0
         self._begun = b""
-        self._streams = 0
+        self._streams = self._sections = 0
         self._last: Nanos = 0
 
     def peek_four(self) -> bytes:
@@ -163,6 +171,7 @@ class _Reader:
         if head[:4] == SECTION_MARK:
             begun = self._require(self._read(4), 4)
             section = _Section(_order_of(begun))
+            self._sections += 1
         if section is None:
             raise _Ended("this is no capture: it does not begin with a section header")
         kind, length = struct.unpack(f"{section.order}II", head)
@@ -289,7 +298,7 @@ class _Reader:
             return
         characters = data[RTAC_HEADER.size :]
         record = Record(at=when, what=_KNOWN[what], lines=Lines(lines & 0x7F), data=characters, remark=_text(comment))
-        yield Packet(stream=interface.stream, origin=interface.origin, record=record)
+        yield Packet(stream=interface.stream, section=self._sections, origin=interface.origin, record=record)
 
     def _read(self, size: int) -> bytes:
         begun, self._begun = self._begun[:size], self._begun[size:]
@@ -344,7 +353,7 @@ def _limited(moment: Nanos) -> Nanos:
     return max(0, min(moment, MAX_TIME))
 
 
-def _whole(stream: BinaryIO, size: int) -> bytes:
+def _whole(stream: Readable, size: int) -> bytes:
     """`size` bytes, fewer only at the end of the file: a pipe gives them in pieces."""
     data = stream.read(size) if size else b""
     while data and len(data) < size and (more := stream.read(size - len(data))):

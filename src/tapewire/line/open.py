@@ -27,7 +27,7 @@ from tapewire.line.descriptor import DescriptorLine, LineSettings
 from tapewire.line.driver import monotonic
 from tapewire.line.pty import create_pty
 from tapewire.line.rfc2217_line import ClientLine, ServerLine
-from tapewire.line.serial_port import open_tty
+from tapewire.line.serial_port import TtyLine, open_tty
 from tapewire.line.tcp import TcpLine, is_connected_to_itself
 
 __all__ = [
@@ -48,6 +48,9 @@ CONNECT_LIMIT_S: Final = 10.0
 """A host that answers nothing, not even a refusal, within this time is not there."""
 AGREE_LIMIT_S: Final = 5.0
 """A serial server answers each setting at once; one that has not by then does not speak RFC 2217."""
+EMPTY_QUESTIONS: Final = 30
+EMPTY_PAUSE_S: Final = 0.01
+"""An idle transmitter is empty; an adapter has told so after a few of its reports."""
 SIGNALS_LIMIT_S: Final = 0.3
 """A server that tells its control lines does so as soon as it is asked to."""
 
@@ -86,7 +89,7 @@ async def open_line(
     ready = on_ready or _nobody
     match address:
         case TtyAddress(path=path):
-            line: DescriptorLine = open_tty(path, settings, on_note=on_note)
+            line: DescriptorLine = await _proved(open_tty(path, settings, on_note=on_note), on_note or _nobody)
         case PtyAddress(path=path):
             line = create_pty(path, settings)
         case ConnectAddress(is_rfc2217=True):
@@ -112,6 +115,22 @@ async def open_line(
 
 def _nobody(text: str) -> None:
     del text
+
+
+async def _proved(line: TtyLine, note: Callable[[str], None]) -> TtyLine:
+    """A port that is to run in a closed loop has to say once, before anything is sent, that it is empty."""
+    try:
+        for _ in range(EMPTY_QUESTIONS):
+            if not line.waits_for_proof:
+                break
+            await asyncio.sleep(EMPTY_PAUSE_S)
+    except BaseException:
+        line.close(0)
+        raise
+    if line.waits_for_proof:
+        line.run_without_asking()
+        note("the driver never says that the transmitter is empty: no closed loop on this port")
+    return line
 
 
 async def _connect(address: ConnectAddress) -> socket.socket:

@@ -91,6 +91,17 @@ class TtyLine(DescriptorLine):
             + (" of the UART" if is_uart else "; an adapter of an unknown kind may hold more"),
         )
 
+    @property
+    def waits_for_proof(self) -> bool:
+        """It would run in a closed loop, but its transmitter has never said that it is empty: not every driver that
+        answers knows.
+        """
+        return self._loop is not None and not self._is_empty()
+
+    def run_without_asking(self) -> None:
+        """Its driver answers, and the answer means nothing: the window is kept as on other ports."""
+        self._loop = None
+
     def counters(self) -> Counters | None:
         """What the driver has counted; None where it does not count."""
         if self._fd is None or self._is_pseudo:

@@ -13,6 +13,7 @@ from tapewire.engine import CncEngine, HostEngine
 from tapewire.errors import UsageError
 from tapewire.g05.layout import BinaryInput
 from tapewire.protocols import bridgeport, fanuc_a, fanuc_b
+from tapewire.protocols.listening import Listener
 from tapewire.protocols.settings import End
 from tapewire.protocols.text_rules import FanucText, TextRules
 
@@ -58,6 +59,8 @@ class ProtocolEntry:
     cnc: Callable[[Any], CncEngine]
     words: Callable[[Any], tuple[Reader, Reader]]
     """Readers for what the host says and for what the control says."""
+    listener: Callable[[Any], Listener]
+    """Holds a recorded dialogue against the rules."""
     text: Callable[[Any], TextRules] = _fanuc_text
     """What programs are on its line."""
     stopbits: int = 1
@@ -104,6 +107,7 @@ _ENTRIES: Final = (
         cnc=fanuc_a.FanucACnc,
         binary_input=_fanuc_binary_input,
         words=_fanuc_a_words,
+        listener=fanuc_a.Listener,
         refuse=fanuc_a.refuse_program,
     ),
     ProtocolEntry(
@@ -118,6 +122,7 @@ _ENTRIES: Final = (
         cnc=fanuc_a.FanucACnc,
         binary_input=_fanuc_binary_input,
         words=_fanuc_a_words,
+        listener=fanuc_a.Listener,
         refuse=fanuc_a.refuse_program,
     ),
     ProtocolEntry(
@@ -132,6 +137,7 @@ _ENTRIES: Final = (
         cnc=fanuc_b.FanucBCnc,
         binary_input=_fanuc_binary_input,
         words=_fanuc_b_words,
+        listener=fanuc_b.Listener,
     ),
     ProtocolEntry(
         name="fanuc-b-expansion",
@@ -145,6 +151,7 @@ _ENTRIES: Final = (
         cnc=fanuc_b.FanucBCnc,
         binary_input=_fanuc_binary_input,
         words=_fanuc_b_words,
+        listener=fanuc_b.Listener,
     ),
     ProtocolEntry(
         name="bridgeport",
@@ -157,6 +164,7 @@ _ENTRIES: Final = (
         host=bridgeport.BridgeportHost,
         cnc=bridgeport.BridgeportCnc,
         words=_bridgeport_words,
+        listener=bridgeport.Listener,
         text=_bridgeport_text,
         stopbits=2,
         data_bits=bridgeport.data_bits,

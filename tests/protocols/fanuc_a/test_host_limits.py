@@ -91,6 +91,14 @@ class TestNoBeforeSat:
         bench.host.data_left(10, bench.now)
         assert len(bench.host.data_to_send(216)) == 10
 
+    def test_it_is_fed_again_before_it_is_empty(self) -> None:
+        bench = self.unconfirmed()
+        bench.host._outbox.rate = 1000
+        bench.host.data_sent(len(bench.host.data_to_send(216)), bench.now)
+        assert bench.host.next_deadline() == bench.now + 17 * MILLISECOND
+        bench.host.data_left(17, bench.now + 17 * MILLISECOND)
+        assert len(bench.host.data_to_send(216)) == 17
+
     def test_confirmed_it_is_the_lines_affair(self) -> None:
         bench = Bench()
         bench.host.receive_signals(SignalsIn(), bench.now)

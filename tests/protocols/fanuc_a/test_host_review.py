@@ -20,6 +20,7 @@ from tapewire.protocols.fanuc_a.messages import (
     MessageReader,
     Unreadable,
 )
+from tapewire.protocols.fanuc_a.packets import Monitor
 from tapewire.protocols.fanuc_a.status import BufferState
 from tests.protocols.fanuc_a.host_bench import PROGRAM, Bench
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from tapewire.protocols.fanuc_a.cnc import FanucACnc
 from tapewire.protocols.fanuc_a.host import FanucAHost
+from tapewire.protocols.fanuc_a.listener import Listener
 from tapewire.protocols.fanuc_a.params import Params
 from tapewire.protocols.fanuc_a.program import refuse_program
 from tapewire.protocols.fanuc_a.words import Words
 
-__all__ = ["FanucACnc", "FanucAHost", "Params", "Words", "refuse_program"]
+__all__ = ["FanucACnc", "FanucAHost", "Listener", "Params", "Words", "refuse_program"]

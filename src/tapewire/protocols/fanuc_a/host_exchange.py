@@ -84,7 +84,8 @@ class Exchange:
     def wait_for_quiet(self, now: Nanos) -> None:
         """RTY goes out when what could not be read is over: the control hears nothing while it sends (4.6 3))."""
         self._timers.stop(Timer.INTERBYTE)
-        self._overlapped = self._overlapped or not self.outbox.idle
+        still = self._timers.running(Timer.QUIET) and self._overlapped
+        self._overlapped = still or not self.outbox.idle
         self._timers.start(Timer.QUIET, now + self.outbox.quiet_time)
 
     def wait_for_turn(self, timer: Timer, now: Nanos) -> bool:

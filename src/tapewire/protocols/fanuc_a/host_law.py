@@ -53,6 +53,8 @@ class Timer(Enum):
     """The same among packets: an invalid packet is due (5.2 2) c))."""
     DAMAGED = "damaged wait"
     """A monitor packet could not be read: the transfer is held for so long."""
+    ROOM = "room"
+    """Half of what may be on its way before No is confirmed has left: the line is fed again before it is empty."""
     NEXT = "next packet"
     """So little of the packet before is still to leave that the next one is begun."""
     VERDICT = "verdict"

@@ -158,7 +158,19 @@ class HostLine(ABC):
         """What may be handed over so that RS OFF never finds more than No on its way (4.3 (5)): the No that is certain
         to be in force is 50 until a SAT has confirmed the SET. A line that does not show RS is not stopped by it.
         """
-        return max(max(1, self._agreement.no - UNNOTICED) - self._outbox.in_flight, 0)
+        return max(self._most_in_flight - self._outbox.in_flight, 0)
+
+    @property
+    def _most_in_flight(self) -> int:
+        return max(1, self._agreement.no - UNNOTICED)
+
+    def _watch_room(self, now: Nanos) -> None:
+        """A line wakes us when it has room by its own window, which may be larger, or else when it is empty."""
+        over = self._outbox.in_flight - self._most_in_flight // 2
+        if self._sees_rs and self._outbox.rate and over > 0 and not self._outbox.empty:
+            self._timers.start(Timer.ROOM, now + over * SECOND // self._outbox.rate)
+        else:
+            self._timers.stop(Timer.ROOM)
 
     def data_sent(self, count: int, now: Nanos) -> None:
         self._outbox.hand_over(count, now)
@@ -238,6 +250,7 @@ class HostLine(ABC):
         if problem:
             self._interrupt(Outcome.FAILED, problem, now)
         self._watch_hold(now)
+        self._watch_room(now)
         ours = any(self._timers.running(timer) for timer in (Timer.WAT, Timer.QUIET, Timer.REPEAT, Timer.CROSSED))
         if not self._closed:
             self._exchange.watch(not ours and not self._streaming.our_turn, now)
