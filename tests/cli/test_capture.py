@@ -25,7 +25,7 @@ def spoken(path: Path, what: Happening) -> bytes:
 
 @pytest.mark.parametrize(
     ("protocol", "kind"),
-    [("fanuc-a-expansion", "tcp"), ("fanuc-b", "pty"), ("bridgeport", "tcp")],
+    [("fanuc-a-expansion", "tcp"), ("fanuc-b", "pty")],
 )
 def test_both_ends_put_the_same_on_record(shop: Shop, protocol: str, kind: str) -> None:
     source = shop.file("in.nc", program(60))

@@ -23,6 +23,7 @@ CLOCK_FREE = (
     *("tapewire.line.simulated", "tapewire.line.faults", "tapewire.line.paths", "tapewire.line.reception"),
     *("tapewire.line.closed_loop", "tapewire.line.lateness", "tapewire.line.faulty"),
     *("tapewire.line.capture", "tapewire.line.capture_reader", "tapewire.line.capture_tap"),
+    "tapewire.line.relay",
 )
 # Records of the domain may hold dates; nothing in them runs.
 RECORDS = ("tapewire.model",)

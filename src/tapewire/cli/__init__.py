@@ -22,6 +22,7 @@ _COMMANDS: Final = {
     "receive": "tapewire.cli.receive",
     "cnc": "tapewire.cli.cnc",
     "decode": "tapewire.cli.decode",
+    "monitor": "tapewire.cli.monitor",
     "bridgeport": "tapewire.cli.bridgeport",
     "simulate": "tapewire.cli.simulate",
     "ports": "tapewire.cli.ports",

@@ -30,6 +30,8 @@ __all__ = [
     "NOT_COMPLETE",
     "Number",
     "capture_of",
+    "capture_options",
+    "ignore_signals",
     "line_options",
     "line_options_of_one_protocol",
     "parse_words",
@@ -74,6 +76,22 @@ _LINE: Final = (
     ),
 )
 _PROTOCOL: Final = click.option("--protocol", required=True, metavar="NAME", help=f"One of {', '.join(PROTOCOLS)}.")
+_CAPTURE: Final = (
+    click.option(
+        "--capture",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        help="Put all that is said on the line on record in FILE, as pcapng for Wireshark and tapewire decode.",
+    ),
+    click.option(
+        "--capture-size",
+        type=click.IntRange(1, 1_000_000),
+        default=DEFAULT_SIZE // MEGABYTE,
+        show_default=True,
+        metavar="MB",
+        help="What captures of this name may take up; the oldest goes first.",
+    ),
+)
 _REST: Final = (
     click.option("--baud", type=click.IntRange(50, 4_000_000), help="Bits a second; each protocol has its default."),
     click.option(
@@ -96,20 +114,7 @@ _REST: Final = (
         metavar="FILE",
         help="bridgeport: a code table, and more settings, from a file; --set comes after it.",
     ),
-    click.option(
-        "--capture",
-        type=click.Path(path_type=Path),
-        metavar="FILE",
-        help="Put all that is said on the line on record in FILE, as pcapng for Wireshark and tapewire decode.",
-    ),
-    click.option(
-        "--capture-size",
-        type=click.IntRange(1, 1_000_000),
-        default=DEFAULT_SIZE // MEGABYTE,
-        show_default=True,
-        metavar="MB",
-        help="What captures of this name may take up; the oldest goes first.",
-    ),
+    *_CAPTURE,
     click.option("--json", "as_json", is_flag=True, help="One JSON object a line on stdout."),
 )
 
@@ -122,6 +127,11 @@ def line_options(command: Command) -> Command:
 def line_options_of_one_protocol(command: Command) -> Command:
     """The same for a command that goes with one protocol alone."""
     return _with(command, (*_LINE, *_REST))
+
+
+def capture_options(command: Command) -> Command:
+    """The options of a command that can put a line on record."""
+    return _with(command, _CAPTURE)
 
 
 def _with(command: Command, options: Sequence[Callable[[Command], Command]]) -> Command:
@@ -200,7 +210,7 @@ async def _run(output: Output, job: Callable[[Output, asyncio.Event], Awaitable[
     try:
         result = await job(output, stop)
     finally:
-        _ignore_signals()
+        ignore_signals()
     return result, stop.is_set()
 
 
@@ -231,7 +241,7 @@ class _Patience:
             os.kill(os.getpid(), number)
 
 
-def _ignore_signals() -> None:
+def ignore_signals() -> None:
     """The job is over: a second Ctrl-C would only break into the command's last words and spoil its exit status."""
     loop = asyncio.get_running_loop()
     for number in ENDING_SIGNALS:

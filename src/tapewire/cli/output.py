@@ -32,12 +32,22 @@ from tapewire.engine import (
     Started,
     Violation,
 )
+from tapewire.transfer.decoding.dialogue import Entry
 from tapewire.transfer.reports import Progress, Ready, Report, Result, StopDistanceTold
 
 if TYPE_CHECKING:
     from tapewire.cli.bar import Bar
 
-__all__ = ["JsonLines", "Output", "PeopleLines", "Presenter", "give_up_unwritable_output", "json_end", "summary"]
+__all__ = [
+    "JsonLines",
+    "Output",
+    "PeopleLines",
+    "Presenter",
+    "Shown",
+    "give_up_unwritable_output",
+    "json_end",
+    "summary",
+]
 
 WAITING_REPORTS: Final = 2000
 """More than this many unwritten reports: nobody reads, and further ones are dropped."""
@@ -52,7 +62,8 @@ CLOSE_LIMIT_S: Final = 2.0
 """A stopped terminal does not keep the command from ending."""
 
 
-Shown: TypeAlias = Report | Result
+Shown: TypeAlias = Report | Result | Entry
+"""An entry of a dialogue is shown by the command that listens to one, and by no other."""
 
 
 class Presenter(Protocol):
@@ -156,7 +167,7 @@ class JsonLines:
 
     def show(self, shown: Shown, time_ns: int) -> None:
         match shown:
-            case Received():
+            case Received() | Entry():
                 return
             case Result():
                 line = _json_line("end", time_ns, dataclasses.asdict(shown))
@@ -182,6 +193,8 @@ class PeopleLines:
         match shown:
             case Progress():
                 self._show_progress(shown)
+            case Entry():
+                return
             case Result():
                 if self._bar is not None:
                     self._bar.close()

@@ -26,6 +26,7 @@ from tapewire.engine import MICROSECOND, SECOND, LineFault, Nanos
 __all__ = [
     "ALL_ON",
     "FAULTS",
+    "FROM_THIS_SIDE",
     "LINK_TYPE",
     "MAX_DATA",
     "ByteOrder",
@@ -111,6 +112,11 @@ FAULTS: Final = {
     Happening.BREAK: LineFault.BREAK,
     Happening.UART_OVERRUN: LineFault.UART_OVERRUN,
 }
+
+
+FROM_THIS_SIDE: Final = "from this side"
+"""The remark of a fault in what the side said that wrote the capture, as a monitor between two lines sees it. Any other
+fault was in what came in."""
 
 
 class ByteOrder(IntEnum):

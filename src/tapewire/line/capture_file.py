@@ -30,7 +30,7 @@ from tapewire.line.capture_reader import SECTION_MARK
 from tapewire.line.capture_tap import CapturedLine
 from tapewire.line.transport import Transport
 
-__all__ = ["DEFAULT_SIZE", "MEGABYTE", "CaptureFile", "CaptureSettings", "older_of"]
+__all__ = ["DEFAULT_SIZE", "MEGABYTE", "CaptureFile", "CaptureSettings", "older_of", "unix_offset"]
 
 MEGABYTE: Final = 1_000_000
 

@@ -42,7 +42,7 @@ def made_on_a_line(plan: FaultPlan, end: LineEnd) -> tuple[FaultPlan, tuple[str,
     for fault in plan.faults:
         match fault:
             case _ if isinstance(fault, EndFault):
-                missing.append(f"{fault.kind} of the {fault.end}: nothing is switched off at a real end")
+                missing.append(f"{fault.kind} of the {fault.end}: nobody touches the ends of a real line")
             case BaudMismatch():
                 missing.append(f"{fault.kind} {fault.wire}: run one end at another --baud instead")
             case Framing() | Break() | LateStop() if fault.wire is not incoming:
@@ -51,7 +51,7 @@ def made_on_a_line(plan: FaultPlan, end: LineEnd) -> tuple[FaultPlan, tuple[str,
                 missing.append(f"{fault.kind} {outgoing}: what this end sends cannot be damaged so")
             case _:
                 made.append(fault)
-    return replace(plan, faults=tuple(made)), tuple(missing)
+    return replace(plan, faults=tuple(made)), tuple(dict.fromkeys(missing))
 
 
 class _Ledger:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from tapewire.engine import Notice
-from tapewire.line.capture import Origin
+from tapewire.line.capture import Origin, Record
 from tapewire.line.capture_file import CaptureFile, CaptureSettings
 from tapewire.line.driver import monotonic
 from tapewire.line.transport import Transport
@@ -27,6 +27,11 @@ class JobCapture:
     def tap(self, line: Transport) -> Transport:
         """`line`, put on record."""
         return line if self._file is None else self._file.tap(line)
+
+    def put(self, record: Record) -> None:
+        """One more record, from whoever taps no line of its own."""
+        if self._file is not None:
+            self._file.put(record)
 
     def tell(self) -> None:
         """Report what has gone wrong since the last call."""

@@ -14,7 +14,7 @@ from tapewire.line.capture_file import CaptureSettings
 from tapewire.line.descriptor import LineSettings
 from tapewire.line.driver import LineDriver, monotonic
 from tapewire.line.link import Application, Link
-from tapewire.line.open import LineAddress, open_line, parse_line
+from tapewire.line.open import LineAddress, PtyAddress, open_line, parse_line
 from tapewire.line.pacing import character_time, default_window
 from tapewire.line.transport import Transport
 from tapewire.protocols import ProtocolEntry, protocol
@@ -73,8 +73,9 @@ def settings_for(
     stopbits = stopbits or entry.stopbits
     data_bits = entry.data_bits(params, stopbits)
     baud = baud or entry.baud
+    address = parse_line(line)
     return JobSettings(
-        line=parse_line(line),
+        line=address,
         protocol=entry,
         params=params,
         baud=baud,
@@ -85,12 +86,18 @@ def settings_for(
         origin=Origin(
             line=line,
             baud=baud,
-            framing=LineSettings(baud=baud, stopbits=stopbits, data_bits=data_bits, window=1).framing,
+            framing=_framing(address, baud, stopbits, data_bits),
             side=Side.CONTROL if end is End.CONTROL else Side.HOST,
             protocol=entry.name,
             settings=dict(settings),
         ),
     )
+
+
+def _framing(address: LineAddress, baud: int, stopbits: int, data_bits: int) -> str:
+    """In the usual three characters. Raises UsageError for what no line can have."""
+    parity = None if isinstance(address, PtyAddress) else address.options.parity
+    return LineSettings(baud=baud, stopbits=stopbits, data_bits=data_bits, parity=parity, window=1).framing
 
 
 class Session:

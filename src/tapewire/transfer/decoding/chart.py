@@ -23,6 +23,9 @@ __all__ = ["Chart"]
 MOST_ENTRIES: Final = 10_000
 """Of a longer dialogue its first and its last so many are drawn, and the rest is counted."""
 
+MOST_PARTS: Final = 200
+"""Streams that are drawn; a ring of many short jobs has more."""
+
 MOST_ROWS: Final = 2_000
 """A picture longer than this is of no use to anybody; what is left out is said."""
 
@@ -72,30 +75,32 @@ class Chart:
 
     def __init__(self, title: str) -> None:
         self._title = title
-        self._parts: list[_Part] = []
+        self._parts: dict[int, _Part] = {}
+        self._streams = 0
         self._problems: list[str] = []
 
     def add(self, decoded: Decoded) -> None:
         match decoded:
-            case Began():
-                self._parts.append(_Part(decoded))
-            case Told(stream=stream, entry=entry):
-                self._part(stream).add(entry)
-            case Figures(stream=stream, lines=lines):
-                self._part(stream).figures = lines
+            case Began(stream=stream):
+                self._streams += 1
+                if len(self._parts) < MOST_PARTS:
+                    self._parts[stream] = _Part(decoded)
+            case Told(stream=stream, entry=entry) if stream in self._parts:
+                self._parts[stream].add(entry)
+            case Figures(stream=stream, lines=lines) if stream in self._parts:
+                self._parts[stream].figures = lines
             case Problem() if len(self._problems) < MOST_ROWS:
                 self._problems.append(line_of(decoded))
             case _:
                 pass
 
-    def _part(self, stream: int) -> _Part:
-        return next(part for part in reversed(self._parts) if part.began.stream == stream)
-
     def svg(self) -> str:
         """The picture: light or dark as whoever looks at it likes it."""
         drawing = _Drawing()
-        for part in self._parts:
+        for part in self._parts.values():
             part.draw(drawing)
+        if self._streams > len(self._parts):
+            drawing.note(f"{self._streams - len(self._parts):,} more streams are told in the text, and not drawn")
         for problem in self._problems:
             drawing.wrong(problem.removeprefix("== "))
         return drawing.finish(f"What was said in {self._title}")

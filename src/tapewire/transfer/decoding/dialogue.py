@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from tapewire.codes import name_of
 from tapewire.engine import SECOND, Nanos
-from tapewire.line.capture import ALL_ON, FAULTS, Happening, Lines, Record, Side, recalled
+from tapewire.line.capture import ALL_ON, FAULTS, FROM_THIS_SIDE, Happening, Lines, Record, Side, recalled
 from tapewire.protocols import ProtocolEntry, Reader
 from tapewire.protocols.listening import Listener, Word
 from tapewire.protocols.settings import End
@@ -212,7 +212,8 @@ class Dialogue:
         fault = FAULTS[record.what]
         self.faults[str(fault)] += max(1, len(record.data))
         read = f": {' '.join(name_of(byte) for byte in record.data[:4])}" if record.data else ""
-        yield from self._alone(Kind.FAULT, record.at, f"{fault}{read}", self._side.other)
+        side = self._side if record.remark == FROM_THIS_SIDE else self._side.other
+        yield from self._alone(Kind.FAULT, record.at, f"{fault}{read}", side)
 
     def _note(self, record: Record) -> str | None:
         if count := recalled(record.remark):

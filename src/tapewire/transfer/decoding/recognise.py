@@ -21,8 +21,11 @@ SAMPLE_CHARACTERS: Final = 64 * 1024
 ENOUGH_EVIDENCE: Final = 8
 """Live, a guess is good with this much: a handful of messages with right sums, or some turns of DC1 and DC3."""
 
-LIVE_EVERY: Final = 25
-"""Live, a guess is tried anew after so many records."""
+SOME_EVIDENCE: Final = 2
+"""At the last look this will do."""
+
+LIVE_LOOKS: Final = (25, 50, 100, 200)
+"""Live, a guess is tried after so many records; then it begins anew. More would hold up the line it stands in."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,27 +56,33 @@ def _params_of_any_end(entry: ProtocolEntry, settings: Mapping[str, str]) -> Any
         return entry.params(settings, End.CONTROL)
 
 
-def recognise(asked: Asked, origin: Origin, sample: list[Record]) -> tuple[Spoken, str]:
-    """How to read a stream, and how that is known, in words."""
+def recognise(asked: Asked, origin: Origin, sample: list[Record]) -> tuple[Spoken, str, int]:
+    """How to read a stream, how that is known, in words, and how much speaks for it."""
     side = asked.side or origin.side
     if asked.protocol is not None:
-        return _best(sample, side, [(protocol(asked.protocol), asked.settings)]), f"{asked.protocol}, as told"
+        way, evidence = _best(sample, side, [(protocol(asked.protocol), asked.settings)])
+        return way, f"{asked.protocol}, as told", evidence
     if origin.protocol in PROTOCOLS:
-        entry = PROTOCOLS[origin.protocol]
-        try:
-            _params_of_any_end(entry, origin.settings)
-            return _best(sample, side, [(entry, origin.settings)]), f"{entry.name}, as the capture says"
-        except UsageError:
-            known = f"{entry.name}, as the capture says; its settings mean nothing"
-            return _best(sample, side, [(entry, {})]), known
+        return _as_it_says(origin, side, sample)
     candidates: list[tuple[ProtocolEntry, Mapping[str, str]]] = [(entry, {}) for entry in PROTOCOLS.values()]
-    spoken = _best(sample, side, candidates, baud=origin.baud)
-    evidence = _evidence(spoken, sample)
-    if evidence <= 0:
-        spoken = Spoken(protocol=None, params=None, side=side or Side.HOST)
-        return spoken, "no protocol recognised: characters as they are"
-    assert spoken.protocol is not None
-    return spoken, f"{spoken.protocol.name}, a guess; --protocol NAME settles it"
+    way, evidence = _best(sample, side, candidates, baud=origin.baud)
+    if evidence <= 0 or way.protocol is None:
+        way = Spoken(protocol=None, params=None, side=side or Side.HOST)
+        return way, "no protocol recognised: characters as they are", 0
+    return way, f"{way.protocol.name}, a guess; --protocol NAME settles it", evidence
+
+
+def _as_it_says(origin: Origin, side: Side | None, sample: list[Record]) -> tuple[Spoken, str, int]:
+    entry = PROTOCOLS[origin.protocol]
+    known = f"{entry.name}, as the capture says"
+    settings = origin.settings
+    try:
+        _params_of_any_end(entry, settings)
+    except UsageError:
+        known += "; its settings mean nothing"
+        settings = {}
+    way, evidence = _best(sample, side, [(entry, settings)])
+    return way, known, evidence
 
 
 def _best(
@@ -82,7 +91,7 @@ def _best(
     candidates: list[tuple[ProtocolEntry, Mapping[str, str]]],
     *,
     baud: int = 0,
-) -> Spoken:
+) -> tuple[Spoken, int]:
     """The way of reading with the most evidence. Of two that read it alike, the one for this rate, then the first."""
     ways = [
         Spoken(protocol=entry, params=_params_of_any_end(entry, settings), side=each)
@@ -90,8 +99,9 @@ def _best(
         for each in ((side,) if side is not None else Side)
     ]
     if len(ways) == 1:
-        return ways[0]
-    return max(ways, key=lambda way: (_evidence(way, sample), _suits(way, baud)))
+        return ways[0], 0
+    judged = [(way, _evidence(way, sample)) for way in ways]
+    return max(judged, key=lambda each: (each[1], _suits(each[0], baud)))
 
 
 def _suits(spoken: Spoken, baud: int) -> bool:
@@ -163,13 +173,15 @@ class Stream:
 
     def _look_again(self) -> Iterator[Entry]:
         """A guess that is good takes over, knowing what has been said before; a long sample is forgotten."""
-        if len(self._sample) % LIVE_EVERY:
+        count, is_last = len(self._sample), self._characters >= SAMPLE_CHARACTERS
+        if count not in LIVE_LOOKS and not is_last:
             return
-        spoken, known = recognise(self._asked, self.origin, self._sample)
-        if _evidence(spoken, self._sample) >= ENOUGH_EVIDENCE:
+        is_last = is_last or count == LIVE_LOOKS[-1]
+        spoken, known, evidence = recognise(self._asked, self.origin, self._sample)
+        if evidence >= (SOME_EVIDENCE if is_last else ENOUGH_EVIDENCE):
             yield from self.dialogue.finish()
             self._take_over(spoken, known)
-        elif len(self._sample) >= SAMPLE_RECORDS or self._characters >= SAMPLE_CHARACTERS:
+        elif is_last:
             self._sample, self._characters = [], 0
 
     def _take_over(self, spoken: Spoken, known: str) -> None:
@@ -182,6 +194,6 @@ class Stream:
         self.known, self._sample = known, []
 
     def _decide(self) -> None:
-        spoken, self.known = recognise(self._asked, self.origin, self._sample)
+        spoken, self.known, _ = recognise(self._asked, self.origin, self._sample)
         self._dialogue = Dialogue(spoken)
         self._sample = []

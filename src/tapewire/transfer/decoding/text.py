@@ -11,7 +11,7 @@ from tapewire.line.capture_reader import Problem
 from tapewire.transfer.decoding.dialogue import Entry, Kind
 from tapewire.transfer.decoding.reading import Began, Decoded, Figures, Told
 
-__all__ = ["NAMES", "fields_of", "line_of", "program_text", "unix_time"]
+__all__ = ["NAMES", "entry_fields", "entry_line", "fields_of", "line_of", "program_text", "unix_time"]
 
 NAMES: Final = {Side.HOST: "host", Side.CONTROL: "cnc"}
 """The sides as transcripts write them."""
@@ -27,14 +27,15 @@ def line_of(decoded: Decoded) -> str:
             where = origin.line or "a line without a name"
             return f"== {where}; {who}\n== {known}\n== times count from {unix_time(at)}"
         case Told(began=began, entry=entry):
-            return _entry(entry, began)
+            return entry_line(entry, began)
         case Figures(lines=lines):
             return "\n".join(f"== {line}" for line in lines)
         case Problem(offset=offset, what=what):
             return f"== at byte {offset} of the file: {what}"
 
 
-def _entry(entry: Entry, began: Nanos) -> str:
+def entry_line(entry: Entry, began: Nanos) -> str:
+    """An entry of a dialogue whose times count from `began`."""
     who = "" if entry.side is None else NAMES[entry.side]
     text = program_text(entry) if entry.kind is Kind.PROGRAM else entry.text
     return f"{(entry.at - began) / SECOND:12.6f}  {who:4}  {_MARKS.get(entry.kind, '')}{text}"
@@ -60,14 +61,15 @@ def fields_of(decoded: Decoded) -> tuple[str, Nanos | None, dict[str, Any]]:
             fields = {"stream": stream, "line": origin.line, "side": origin.side, "read_as": known}
             return "stream", at, fields
         case Told(stream=stream, entry=entry):
-            return entry.kind.value, entry.at, {"stream": stream, **_fields(entry)}
+            return entry.kind.value, entry.at, {"stream": stream, **entry_fields(entry)}
         case Figures(stream=stream, lines=lines, violations=violations):
             return "figures", None, {"stream": stream, "lines": list(lines), "violations": violations}
         case Problem(offset=offset, what=what):
             return "problem", None, {"offset": offset, "what": what}
 
 
-def _fields(entry: Entry) -> dict[str, Any]:
+def entry_fields(entry: Entry) -> dict[str, Any]:
+    """The same for programs."""
     fields: dict[str, Any] = {"side": entry.side, "text": entry.text}
     if entry.kind is Kind.PROGRAM:
         fields |= {"bytes": entry.count, "until_ns": entry.until}
