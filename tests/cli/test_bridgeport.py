@@ -221,6 +221,16 @@ def test_learn_refuses_before_the_line_is_opened(
     assert shop.files == set()
 
 
+def test_who_has_no_profile_is_told_that_the_codes_are_reconstructed(shop: Shop) -> None:
+    profile = shop.file("mill.toml", b'format = "tapewire bridgeport profile 1"\n')
+    for words, told in (((), True), (("--profile", profile), False)):
+        for command in (["send", shop.file("in.nc", TEXT)], ["receive", shop.folder / "out.nc"]):
+            line = ("--line", "listen://127.0.0.1:0", "--timeout", "0.3", "--json")
+            finished = shop.run(*command, *BRIDGEPORT, *words, *line)
+            notices = [event["text"] for event in finished.named("notice")]
+            assert any("a reconstruction" in text for text in notices) is told
+
+
 def test_two_files_of_one_number_are_refused(shop: Shop) -> None:
     programs = folder(shop, O0042__nc=SHORT, **{"42": SHORT})
     finished = invoke("send", "--program-dir", programs, "--protocol", "bridgeport", *NOWHERE)

@@ -20,6 +20,7 @@ CLOCK_FREE = (
     # The half of the line that a simulated cable and a real port have in common.
     *("tapewire.line.transport", "tapewire.line.link", "tapewire.line.pacing"),
     *("tapewire.line.telnet", "tapewire.line.rfc2217", "tapewire.line.rates"),
+    *("tapewire.line.cable", "tapewire.line.guess", "tapewire.line.loop_back"),
     *("tapewire.line.simulated", "tapewire.line.faults", "tapewire.line.paths", "tapewire.line.reception"),
     *("tapewire.line.closed_loop", "tapewire.line.lateness", "tapewire.line.faulty"),
     *("tapewire.line.capture", "tapewire.line.capture_reader", "tapewire.line.capture_tap"),

@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 
 from tapewire.engine import MILLISECOND, SECOND, Closure, LineFault, Nanos, SignalsIn, SignalsOut
 from tapewire.line.capture import Side
-from tapewire.line.relay import MOST_WAITING, WAITING, Damaged, Relay
+from tapewire.line.relay import MOST_WAITING, Damaged, Relay
 from tapewire.line.simulated import CableEnd, EndSettings, simulated_cable
 from tapewire.line.transport import Closed, Fault, LineItem, StopDistance
 
 HOST, CONTROL = Side.HOST, Side.CONTROL
+HOLD = 40
 
 
 @dataclass
@@ -33,7 +34,7 @@ class Between:
             self.ends[side], lines[side] = simulated_cable(
                 19200, EndSettings(window=400), EndSettings(window=self.window), has_signals=self.has_signals
             )
-        self.relay = Relay(lines, Damaged.STOP, lambda side, item, now: self.heard.append((side, item)))
+        self.relay = Relay(lines, Damaged.STOP, HOLD, lambda side, item, now: self.heard.append((side, item)))
         self.received: dict[Side, list[LineItem]] = {side: [] for side in Side}
 
     def run(self, span: Nanos) -> None:
@@ -153,10 +154,11 @@ def nobody(side: Side, item: LineItem, now: Nanos) -> None: ...
 
 def test_a_line_without_control_lines_is_not_read_while_too_much_waits() -> None:
     host, control = Flood(), Flood(size=0)
-    relay = Relay({HOST: host, CONTROL: control}, Damaged.STOP, nobody)
+    relay = Relay({HOST: host, CONTROL: control}, Damaged.STOP, HOLD, nobody)
     for now in range(100):
         relay.step(now)
-    assert relay.characters <= WAITING + 1000
+    assert relay.characters <= HOLD + 1000
+    assert relay.most_waiting == {HOST: relay.characters, CONTROL: 0}
     assert relay.watched == {8}
     control.open = True
     host.size = 0
@@ -168,7 +170,7 @@ def test_a_line_without_control_lines_is_not_read_while_too_much_waits() -> None
 
 def test_a_sender_that_ignores_rts_is_told_to_have_lost_characters() -> None:
     host, control = Flood(SignalsIn()), Flood(size=0)
-    relay = Relay({HOST: host, CONTROL: control}, Damaged.STOP, nobody)
+    relay = Relay({HOST: host, CONTROL: control}, Damaged.STOP, HOLD, nobody)
     now = 0
     while relay.ended is None:
         relay.step(now := now + 1)
@@ -180,7 +182,7 @@ def test_a_sender_that_ignores_rts_is_told_to_have_lost_characters() -> None:
 def test_a_damaged_character_ends_it(fault: LineFault) -> None:
     host, control = Flood(b"ab", Fault(fault=fault, byte=67), b"d", size=0), Flood(size=0)
     control.open = True
-    relay = Relay({HOST: host, CONTROL: control}, Damaged.STOP, nobody)
+    relay = Relay({HOST: host, CONTROL: control}, Damaged.STOP, HOLD, nobody)
     relay.step(1)
     assert relay.ended is not None
     assert relay.ended.closure is Closure.LOST
@@ -191,7 +193,7 @@ def test_a_damaged_character_ends_it(fault: LineFault) -> None:
 def test_or_it_is_left_out_where_that_is_wanted() -> None:
     host, control = Flood(b"ab", Fault(fault=LineFault.PARITY, byte=67), b"d", size=0), Flood(size=0)
     control.open = True
-    relay = Relay({HOST: host, CONTROL: control}, Damaged.DROP, nobody)
+    relay = Relay({HOST: host, CONTROL: control}, Damaged.DROP, HOLD, nobody)
     relay.step(1)
     assert relay.ended is None
     assert control.taken == b"abd"
@@ -210,7 +212,7 @@ def test_what_was_said_before_the_end_is_still_passed_on() -> None:
 
 def test_an_end_waits_for_nobody_for_ever() -> None:
     closed = Closed(closure=Closure.ORDERLY, reason="gone")
-    relay = Relay({HOST: Flood(b"x", closed, size=0), CONTROL: Flood(size=0)}, Damaged.STOP, nobody)
+    relay = Relay({HOST: Flood(b"x", closed, size=0), CONTROL: Flood(size=0)}, Damaged.STOP, HOLD, nobody)
     relay.step(SECOND)
     assert relay.ended is None
     deadline = relay.next_deadline()
@@ -222,7 +224,7 @@ def test_an_end_waits_for_nobody_for_ever() -> None:
 def test_one_line_alone_is_only_listened_to() -> None:
     line = Flood(b"\x11", Fault(fault=LineFault.PARITY), SignalsIn(), size=5)
     heard: list[LineItem] = []
-    relay = Relay({CONTROL: line}, Damaged.STOP, lambda side, item, now: heard.append(item))
+    relay = Relay({CONTROL: line}, Damaged.STOP, HOLD, lambda side, item, now: heard.append(item))
     for now in range(20_000):
         relay.step(now)
     assert relay.ended is None

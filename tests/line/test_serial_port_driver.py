@@ -16,7 +16,7 @@ from hypothesis import settings as checks
 from hypothesis import strategies as st
 
 from tapewire.engine import MICROSECOND, MILLISECOND, SECOND, Closure, LineFault, Nanos, SignalsIn, SignalsOut
-from tapewire.errors import LineError, UsageError
+from tapewire.errors import LineBusy, LineError, UsageError
 from tapewire.line import open as opening
 from tapewire.line import tty_line
 from tapewire.line.descriptor import LineSettings, Parity
@@ -103,6 +103,15 @@ def test_framings(port: Bench, how: LineSettings, framing: str, flags: int, bits
 def test_seven_bits_alone_are_no_framing() -> None:
     with pytest.raises(UsageError, match="7N1"):
         LineSettings(baud=9600, window=2, stopbits=1, data_bits=7, parity=Parity.NONE)
+
+
+def test_a_port_that_somebody_else_holds_stays_theirs(port: Bench) -> None:
+    held = port.open(EIGHT_N_TWO)
+    with pytest.raises(LineBusy):
+        port.open(EIGHT_N_TWO)
+    assert port.uart.claimed
+    held.close(0)
+    assert not port.uart.claimed
 
 
 # control lines

@@ -26,6 +26,7 @@ _COMMANDS: Final = {
     "bridgeport": "tapewire.cli.bridgeport",
     "simulate": "tapewire.cli.simulate",
     "ports": "tapewire.cli.ports",
+    "qualify": "tapewire.cli.qualify",
     "convert": "tapewire.cli.convert",
     "fanuc": "tapewire.cli.fanuc",
 }

@@ -15,13 +15,15 @@ from typing import Any, Final, TypeVar
 import click
 
 from tapewire.cli.output import JsonLines, Output, PeopleLines, Presenter
-from tapewire.engine import Outcome
+from tapewire.engine import Notice, Outcome
 from tapewire.errors import UsageError
 from tapewire.line.capture_file import DEFAULT_SIZE, MEGABYTE, CaptureSettings
+from tapewire.line.driver import monotonic
 from tapewire.protocols import PROTOCOLS
 from tapewire.protocols.bridgeport.profile import Profile
 from tapewire.protocols.settings import End
 from tapewire.transfer.reports import Result
+from tapewire.transfer.session import JobSettings
 
 __all__ = [
     "COMPLETE",
@@ -31,6 +33,7 @@ __all__ = [
     "Number",
     "capture_of",
     "capture_options",
+    "caution",
     "ignore_signals",
     "line_options",
     "line_options_of_one_protocol",
@@ -171,6 +174,12 @@ def settings_of(words: tuple[str, ...], profile: Path | None, protocol: str, end
         reason = error.strerror if isinstance(error, OSError) else "it is no text"
         raise UsageError(f"{profile}: cannot be read ({reason})") from None
     return {**Profile.loads(text, str(profile)).settings_for(end), **settings}
+
+
+def caution(output: Output, job: JobSettings, profile: Path | None) -> None:
+    """Say what of the protocol is not known for certain, to whoever has nothing better."""
+    if job.protocol.caution and profile is None:
+        output.observe(Notice(text=job.protocol.caution), monotonic())
 
 
 def run_job(

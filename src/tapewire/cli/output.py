@@ -253,8 +253,11 @@ def _text(shown: Ready | StopDistanceTold | Event) -> str:
         case StopDistanceTold():
             return _stop_distance(shown)
         case Requested(number=number, served=False):
-            which = "a program" if number is None else f"program {number}"
-            return f"the control asked for {which}, but none is armed: nothing is sent"
+            return (
+                "the control asked for a program, but none is armed: nothing is sent"
+                if number is None
+                else f"the control asked for program {number}, which is not to be had: nothing is sent yet"
+            )
         case Started(why=why):
             return f"started: {why}"
         case Alarm(number=number, text=text):

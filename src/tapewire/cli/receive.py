@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tapewire.cli.common import capture_of, line_options, run_job, settings_of
+from tapewire.cli.common import capture_of, caution, line_options, run_job, settings_of
 from tapewire.cli.output import Output
 from tapewire.errors import UsageError
 from tapewire.protocols.settings import End
@@ -60,23 +60,27 @@ def receive(
         capture=capture_of(capture, capture_size),
     )
     if program_dir is not None:
-        return _by_number(file, program_dir, job, as_json, raw, force)
+        return _by_number(file, program_dir, job, profile, as_json, raw, force)
     if file is None:
         raise UsageError("name the FILE to store in, or for bridgeport the --program-dir to store in by number")
 
     async def transfer(output: Output, stop: asyncio.Event) -> Result:
+        caution(output, job, profile)
         return await receive_program(file, job.observed_by(output.observe, stop), raw=raw, force=force)
 
     return run_job(file.name, "stored", as_json, transfer)
 
 
-def _by_number(file: Path | None, program_dir: Path, job: JobSettings, as_json: bool, raw: bool, force: bool) -> int:
+def _by_number(
+    file: Path | None, program_dir: Path, job: JobSettings, profile: Path | None, as_json: bool, raw: bool, force: bool
+) -> int:
     if file is not None:
         raise UsageError(f"{file} and --program-dir: name one file, or the folder to store in")
     numbered_host(job)
     folder = ProgramFolder(program_dir)
 
     async def transfer(output: Output, stop: asyncio.Event) -> Result:
+        caution(output, job, profile)
         return await receive_by_number(folder, job.observed_by(output.observe, stop), raw=raw, force=force)
 
     return run_job(str(program_dir), "stored", as_json, transfer)

@@ -9,7 +9,7 @@ from typing import Final
 
 import click
 
-from tapewire.cli.common import capture_of, line_options, run_job, settings_of
+from tapewire.cli.common import capture_of, caution, line_options, run_job, settings_of
 from tapewire.cli.output import Output
 from tapewire.errors import UsageError
 from tapewire.protocols.settings import End
@@ -63,25 +63,29 @@ def send(
         capture=capture_of(capture, capture_size),
     )
     if program_dir is not None:
-        return _by_number(file, program_dir, job, as_json, raw)
+        return _by_number(file, program_dir, job, profile, as_json, raw)
     if file is None:
         raise UsageError("name the FILE to send, or for bridgeport the --program-dir to choose from by number")
     program = Program.from_file(file, job.protocol.text(job.params), raw=raw)
 
     async def transfer(output: Output, stop: asyncio.Event) -> Result:
+        caution(output, job, profile)
         return await send_program(program, job.observed_by(output.observe, stop))
 
     with closing(program):
         return run_job(program.name, COUNTED, as_json, transfer)
 
 
-def _by_number(file: str | None, program_dir: Path, job: JobSettings, as_json: bool, raw: bool) -> int:
+def _by_number(
+    file: str | None, program_dir: Path, job: JobSettings, profile: Path | None, as_json: bool, raw: bool
+) -> int:
     if file is not None:
         raise UsageError(f"{file} and --program-dir: name one program, or the folder to choose from")
     numbered_host(job)
     folder = ProgramFolder(program_dir)
 
     async def transfer(output: Output, stop: asyncio.Event) -> Result:
+        caution(output, job, profile)
         return await send_by_number(folder, job.observed_by(output.observe, stop), raw=raw)
 
     return run_job(str(program_dir), COUNTED, as_json, transfer)

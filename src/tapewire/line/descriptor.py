@@ -19,7 +19,7 @@ from tapewire.errors import UsageError
 from tapewire.line.pacing import RxPacer, TxPacer, character_time
 from tapewire.line.transport import Closed, Fault, LineItem, StopDistance
 
-__all__ = ["Arrivals", "DescriptorLine", "LineSettings", "Parity", "Signals"]
+__all__ = ["BAUD_LIMITS", "Arrivals", "DescriptorLine", "LineSettings", "Parity", "Signals"]
 
 BAUD_LIMITS: Final = (50, 4_000_000)
 """From the slowest teleprinter rate termios knows to the fastest."""

@@ -1,9 +1,10 @@
 """Stands between a host and a control: passes on what either says to the other, and lets somebody listen.
 
-Nothing is understood and nothing is changed. What has come in and cannot be passed on yet waits here, within a bound:
-beyond it a line without control lines is not read, so that its sender is held up by whatever holds up a sender there;
-one with control lines is, because the other side's RTS is passed on as ours, and a sender that goes on all the same has
-gone too far.
+Nothing is understood and nothing is changed. What has come in and cannot be passed on yet waits here, within a bound.
+Whatever waits here is more than the sender knows of, and still reaches the far side after a stop request; so a line
+without control lines is not read while more than a little waits, and what is not read there counts as in flight at its
+sender. One with control lines is read, since a wire waits for nobody: the far side's RTS is passed on as ours, and a
+sender that goes on all the same has gone too far.
 """
 
 from __future__ import annotations
@@ -18,11 +19,8 @@ from tapewire.line.transport import Closed, Fault, LineItem, Transport, watched_
 
 __all__ = ["Damaged", "Relay"]
 
-WAITING: Final = 4096
-"""Characters that wait to be passed on before a line is not read any more."""
-
-MOST_WAITING: Final = 65536 + WAITING
-"""A sender that ignores RTS OFF for so many characters has lost them; that ends it."""
+MOST_WAITING: Final = 1 << 17
+"""A sender that ignores RTS OFF for so many characters has lost them; that ends it. Twice what one look can bring."""
 
 DRAIN: Final[Nanos] = 2 * SECOND
 """What still waits for one side when the other has closed may take so long to leave."""
@@ -43,12 +41,14 @@ OnItem: TypeAlias = Callable[[Side, LineItem, Nanos], None]
 class Relay:
     """Between `lines`: that to the host and that to the control. With one of them alone it only listens.
 
-    `on_item(side, item, now)` hears everything that came from `side`, before it is passed on.
+    `on_item(side, item, now)` hears everything that came from `side`, before it is passed on. A line without control
+    lines is read while fewer than `hold` characters wait.
     """
 
-    def __init__(self, lines: Mapping[Side, Transport], damaged: Damaged, on_item: OnItem) -> None:
+    def __init__(self, lines: Mapping[Side, Transport], damaged: Damaged, hold: int, on_item: OnItem) -> None:
         self._lines = lines
         self._damaged = damaged
+        self._hold = hold
         self._on_item = on_item
         self._waiting = {side: bytearray() for side in lines}
         """What came from a side and has not been passed on."""
@@ -59,6 +59,8 @@ class Relay:
         """How it ended."""
         self.characters = 0
         """All that came in, from either side."""
+        self.most_waiting = dict.fromkeys(lines, 0)
+        """The most of what a side said that waited here."""
 
     def step(self, now: Nanos) -> None:
         """Bring everything up to `now`."""
@@ -89,7 +91,7 @@ class Relay:
         return frozenset(fd for fd in found if fd is not None)
 
     def _reads(self, side: Side) -> bool:
-        return len(self._waiting[side]) < WAITING or self._has_signals[side]
+        return len(self._waiting[side]) < self._hold or self._has_signals[side]
 
     def _is_owed(self, side: Side) -> bool:
         """Something of what `side` said has not left towards the other."""
@@ -130,3 +132,4 @@ class Relay:
             piece = bytes(waiting[:room])
             other.write(piece, now)
             del waiting[: len(piece)]
+        self.most_waiting[side] = max(self.most_waiting[side], len(waiting))

@@ -49,16 +49,19 @@ def open_tty(
     """
     kernel = kernel or TtyKernel()
     fd = _open(path)
+    is_ours = False
     try:
         is_pseudo = kernel.is_pseudo(fd)
         _claim(fd, path, kernel, is_pseudo)
+        is_ours = True
         port = None if is_pseudo else (files or PortFiles()).describe(path)
         _set_up(fd, path, settings, kernel, is_pseudo, None if is_pseudo else _divider(fd, kernel, port))
         if port is not None:
             port = _hurry(fd, kernel, port, on_note or _nobody)
         return TtyLine(fd, settings, path=path, kernel=kernel, is_pseudo=is_pseudo, port=port)
     except BaseException:
-        with contextlib.suppress(OSError):
+        if is_ours:
+            # Whoever else holds it must not lose it by our having tried.
             kernel.disclaim(fd)
         os.close(fd)
         raise

@@ -67,6 +67,8 @@ class ProtocolEntry:
     """Used when none are asked for."""
     data_bits: Callable[[Any, int], int] = _eight_bits
     """Bits of a character between start and parity, for these parameters and stop bits. Raises UsageError."""
+    caution: str = ""
+    """What an operator should know who has no profile of his control; empty where there is nothing to say."""
     sends_on: int = 512
     """Characters its control may still send after a stop where no control line stops it (B-63322EN-1 6.3)."""
     binary_input: Callable[[Any], tuple[BinaryInput, DataCode] | None] = _no_binary_input
@@ -168,6 +170,7 @@ _ENTRIES: Final = (
         text=_bridgeport_text,
         stopbits=2,
         data_bits=bridgeport.data_bits,
+        caution=bridgeport.CAUTION,
         sends_on=bridgeport.STOP_CHARACTERS,
     ),
 )

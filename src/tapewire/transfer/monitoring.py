@@ -13,9 +13,10 @@ from tapewire.errors import UsageError
 from tapewire.line.alarm import Alarm
 from tapewire.line.capture import ALL_ON, FAULTS, FROM_THIS_SIDE, Happening, Lines, Origin, Record, Side
 from tapewire.line.capture_file import CaptureSettings, unix_offset
-from tapewire.line.descriptor import DescriptorLine
+from tapewire.line.descriptor import BAUD_LIMITS, DescriptorLine
 from tapewire.line.driver import monotonic
 from tapewire.line.open import LineAddress, TtyAddress, open_line
+from tapewire.line.pacing import default_window
 from tapewire.line.relay import Damaged, Relay
 from tapewire.line.transport import Closed, Fault, LineItem
 from tapewire.transfer.capturing import JobCapture
@@ -26,10 +27,18 @@ from tapewire.transfer.reports import Observer, Ready, Result, nothing
 __all__ = ["MonitorSettings", "OnEntry", "monitor"]
 
 WINDOW_BAUD_PER_CHARACTER: Final = 1000
-"""A monitor adds what it holds to what a host has in flight, so it allows itself little: 11 ms of line, and at least
-LEAST_WINDOW characters."""
+"""What a monitor has in flight comes on top of what a host has, so it allows itself little where it can: 11 ms of line,
+and at least LEAST_WINDOW characters. Towards a serial port that would not do: what comes in from another wire cannot
+wait, and a gap on the way out is never made up for, so there it is the window of every line."""
 
 LEAST_WINDOW: Final = 4
+
+CATCH_UP: Final = 2
+"""A line that is no wire is passed on to so many times faster than its rate. The host keeps to the rate; what this
+computer was late with would otherwise wait here until the host pauses, and come on top of every stop."""
+
+ANY_CONTROL: Final = 512
+"""A window for a control whose protocol is not asked: that of protocol B."""
 
 TELL_EVERY_S: Final = 1.0
 """A run of program that goes on is told so often."""
@@ -74,10 +83,20 @@ class MonitorSettings:
         """Who is at the other end of each line."""
         return (self.hears,) if len(self.lines) == 1 else (Side.HOST, Side.CONTROL)
 
-    @property
-    def window(self) -> int:
-        """Characters of each direction that may be on their way from here."""
+    def window(self, address: LineAddress) -> int:
+        """Characters that may be on their way from here on the line at `address`."""
+        if isinstance(address, TtyAddress):
+            return default_window(self.baud, ANY_CONTROL)
         return max(LEAST_WINDOW, self.baud // WINDOW_BAUD_PER_CHARACTER)
+
+    def pace(self, address: LineAddress) -> int:
+        """Bits a second at which the line at `address` is passed on to."""
+        return self.baud if isinstance(address, TtyAddress) else min(CATCH_UP * self.baud, BAUD_LIMITS[1])
+
+    @property
+    def hold(self) -> int:
+        """Characters that may wait here before a line without control lines is not read."""
+        return max(LEAST_WINDOW, self.baud // WINDOW_BAUD_PER_CHARACTER // 2)
 
 
 async def monitor(settings: MonitorSettings) -> Result:
@@ -112,13 +131,15 @@ class _Monitor:
             if lines is None:
                 return self._result(None, 0)
             try:
-                relay = Relay(dict(zip(settings.sides, lines, strict=True)), settings.damaged, self._hear)
+                relay = Relay(
+                    dict(zip(settings.sides, lines, strict=True)), settings.damaged, settings.hold, self._hear
+                )
                 self._introduce()
                 await self._watch(relay)
             finally:
                 for line in lines:
                     line.close(monotonic())
-            self._conclude()
+            self._conclude(relay)
             failed = relay.ended is not None and relay.ended.closure is Closure.LOST
             return self._result(relay.ended, relay.characters)
         finally:
@@ -142,12 +163,10 @@ class _Monitor:
         settings = self._settings
         return await open_line(
             address,
-            baud=settings.baud,
+            baud=settings.pace(address),
             stopbits=settings.stopbits,
             data_bits=settings.data_bits,
-            window=settings.window,
-            # A wire brings characters at its own pace; what has none must not be taken faster than it could.
-            paced_reception=not isinstance(address, TtyAddress),
+            window=settings.window(address),
             on_ready=lambda line: settings.observer(Ready(line=line), monotonic()),
             on_note=self._note,
         )
@@ -155,9 +174,10 @@ class _Monitor:
     def _introduce(self) -> None:
         if len(self._settings.lines) == 2:
             host, control = self._settings.lines
+            more = self._settings.window(control) + self._settings.hold
             self._note(
-                f"between {host} (host) and {control} (control): after a stop request up to {self._settings.window}"
-                " characters more than without this monitor may reach the control"
+                f"between {host} (host) and {control} (control): after a stop request {more} characters more than"
+                " without this monitor may reach the control, and what the host hands over at one time"
             )
 
     async def _watch(self, relay: Relay) -> None:
@@ -212,10 +232,13 @@ class _Monitor:
         for entry in entries:
             self._settings.on_entry(entry)
 
-    def _conclude(self) -> None:
+    def _conclude(self, relay: Relay) -> None:
         self._entries(self._stream.finish())
         for line in self._stream.dialogue.summary():
             self._note(line)
+        if len(self._settings.lines) == 2:
+            waited = ", ".join(f"{count:,} from the {side}" for side, count in relay.most_waiting.items())
+            self._note(f"waited here at most: {waited} (characters)")
 
     def _note(self, text: str) -> None:
         self._settings.observer(Notice(text=text), monotonic())

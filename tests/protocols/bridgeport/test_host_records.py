@@ -226,6 +226,45 @@ def test_4_2_1_an_ack_before_the_record_is_complete_is_no_ack() -> None:
     assert rig.say(ACK) == LINES[1] + ETB + b"\x34"
 
 
+@pytest.mark.parametrize("inside", [True, False])
+def test_4_2_1_an_ack_inside_a_record_and_a_nak_behind_it_end_the_job(inside: bool) -> None:
+    """The control took a part of the record for the whole, and has that part already."""
+    rig = linked()
+    rig.hear(DC1)
+    rig.take(5)
+    rig.hear(ACK)
+    rig.take(0 if inside else 100)
+    rig.hear(NAK)
+    assert rig.take() == b""
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+    assert "an ACK came inside record 1 and a NAK behind it" in rig.end.reason
+    assert "cancel the transfer at the control" in rig.end.reason
+
+
+def test_4_2_1_an_ack_inside_a_copy_ends_the_job() -> None:
+    """The control has it already, and takes the rest of the copy for more."""
+    rig = linked()
+    rig.hear(DC1)
+    rig.take()
+    rig.hear(NAK)
+    rig.take(5)
+    rig.hear(ACK)
+    assert rig.take() == b""
+    assert rig.end is not None
+    assert "an ACK came inside a copy of record 1" in rig.end.reason
+
+
+def test_4_2_1_an_ack_inside_a_record_that_is_then_acknowledged_means_nothing() -> None:
+    rig = linked()
+    rig.hear(DC1)
+    rig.take(5)
+    rig.hear(ACK)
+    rig.take()
+    assert rig.say(ACK).startswith(LINES[1])
+    assert rig.say(NAK).startswith(LINES[1])
+
+
 def test_4_2_1_an_ack_counts_from_when_the_record_was_handed_over() -> None:
     rig = linked()
     rig.hear(DC1)

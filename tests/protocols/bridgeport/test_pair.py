@@ -10,7 +10,7 @@ import pytest
 
 from tapewire.engine import SECOND, AfterStop, LineFault, Nanos, Outcome
 from tapewire.line.transport import Fault, LineItem
-from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, DncEnd, Lrc
+from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, DncEnd, Lrc, lrc_of
 from tapewire.sim.world import World
 from tests.protocols.bridgeport.combinations import (
     CANCELS,
@@ -138,6 +138,36 @@ def test_an_end_that_is_disturbed_leaves_the_control_waiting_with_all_of_the_pro
 
 def faulty(fault: LineFault, bit: int) -> Callable[[int], LineItem]:
     return lambda byte: Fault(fault=fault, byte=byte ^ 1 << bit)
+
+
+@pytest.mark.parametrize("nak_quiet", ["0", "0.2"])
+def test_a_character_that_becomes_etb_doubles_nothing(nak_quiet: str) -> None:
+    """A control that says NAK at once says it twice, for the record and for its rest, and gets two copies."""
+    program = surfacing(300)
+    for position in range(1, 290, 7):
+        world, pair = pair_of({}, {"record_bytes": "256"}, mode="D", nak_quiet=nak_quiet)
+        pair.cnc_link.transport = Disturbed(pair.cnc_link.transport, position, lambda byte: b"\x17")
+        begin_read(world, pair, program)
+        world.run_for(60 * SECOND)
+        assert pair.host_end is not None, position
+        if pair.host_end.outcome is Outcome.COMPLETE:
+            assert pair.program.getvalue() == program, (position, str(pair.transcript))
+        else:
+            assert "an ACK came inside" in pair.host_end.reason
+
+
+def test_an_etb_that_fits_by_chance_is_no_complete_program() -> None:
+    """The control acknowledges a part of the record, and refuses the rest."""
+    program = surfacing(250)
+    fits = [at for at in range(1, 240) if lrc_of(program[:at], 0x17, Lrc.XOR7_ETB) == program[at + 1]]
+    assert fits
+    for at in fits:
+        world, pair = pair_of({}, {"record_bytes": "256", "lrc": "xor7_etb"}, mode="D")
+        pair.cnc_link.transport = Disturbed(pair.cnc_link.transport, at + 1, lambda byte: b"\x17")
+        begin_read(world, pair, program)
+        world.run_for(60 * SECOND)
+        assert pair.host_end is not None
+        assert pair.host_end.outcome is Outcome.FAILED, (at, str(pair.transcript))
 
 
 NAME_CHARACTERS = 6

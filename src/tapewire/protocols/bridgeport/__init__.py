@@ -5,11 +5,12 @@ from __future__ import annotations
 from tapewire.protocols.bridgeport.cnc import BridgeportCnc
 from tapewire.protocols.bridgeport.host import BridgeportHost
 from tapewire.protocols.bridgeport.listener import Listener
-from tapewire.protocols.bridgeport.messages import STOP_CHARACTERS, Params, data_bits
+from tapewire.protocols.bridgeport.messages import CAUTION, STOP_CHARACTERS, Params, data_bits
 from tapewire.protocols.bridgeport.text import BridgeportText
 from tapewire.protocols.bridgeport.words import Words
 
 __all__ = [
+    "CAUTION",
     "STOP_CHARACTERS",
     "BridgeportCnc",
     "BridgeportHost",

@@ -399,12 +399,13 @@ class BridgeportHost(Job):
 
     def _on_ack(self, now: Nanos) -> None:
         """4.2.1: the next record. While XOFF holds, 3.2 still wants an XON first."""
+        assert isinstance(self._transmission, LinkRecords)
         if self._state is State.RECORD:
             self._ignore(Heard.ACK, self._params.ack)
-            return
-        self._answered(now)
-        assert isinstance(self._transmission, LinkRecords)
-        self._transmission.ack()
+            self._transmission.ack_inside()
+        else:
+            self._answered(now)
+            self._transmission.ack()
         self._follow(now)
 
     def _on_nak(self, now: Nanos) -> None:

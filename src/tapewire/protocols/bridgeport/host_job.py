@@ -233,7 +233,8 @@ class Job:
         while transmission.notices:
             self._events.put(Notice(text=transmission.notices.pop(0)))
         if transmission.problem:
-            self._end(Outcome.FAILED, transmission.problem, now)
+            begun = f"; {AGAIN}" if transmission.position else ""
+            self._end(Outcome.FAILED, transmission.problem + begun, now)
             return
         if transmission.starved:
             self._timers.start(Timer.SOURCE, now + SOURCE_POLL)

@@ -125,6 +125,7 @@ class LinkRecords:
         self._index = 0
         self._naks = 0
         self._asked_again = False
+        self._acked_inside = False
         self._wanted = params.first_record is FirstRecord.AT_ONCE
         self._emptied = False
         self.state = State.RECORD if self._wanted else State.WAIT_ACK
@@ -248,6 +249,7 @@ class LinkRecords:
         self._acked += self._data_bytes
         self._index += 1
         self._naks = 0
+        self._acked_inside = False
 
     @property
     def _finished(self) -> bool:
@@ -259,9 +261,23 @@ class LinkRecords:
         self._record, self._offset, self._data_bytes = b"", 0, 0
         self.state = State.TAIL
 
+    def ack_inside(self) -> None:
+        """An ACK before the record is complete answers no record of ours, and inside a copy it answers the one before.
+
+        The control then takes the rest of the copy for more of the program.
+        """
+        self._acked_inside = True
+        if self._naks:
+            self.problem = f"an ACK came inside a copy of record {self._index + 1}, which the control takes for another"
+
     def nak(self) -> None:
         """4.2.1: the same record again."""
-        if self.state is State.RECORD:
+        if self._acked_inside:
+            self.problem = (
+                f"an ACK came inside record {self._index + 1} and a NAK behind it: the control may have taken a part "
+                "for the whole"
+            )
+        elif self.state is State.RECORD:
             self._asked_again = True
         elif not self._record:
             self.ack()

@@ -25,6 +25,7 @@ from tapewire.protocols.bridgeport.records import RECORD_BYTES, Cut, DncEnd, Lrc
 from tapewire.protocols.settings import End, Form, Switch, parse_settings, setting
 
 __all__ = [
+    "CAUTION",
     "DUMB",
     "NAME_BYTES",
     "STOP_CHARACTERS",
@@ -43,6 +44,11 @@ __all__ = [
     "number_or_dumb",
     "on_the_wire",
 ]
+
+CAUTION: Final = (
+    "the control codes of this protocol are a reconstruction that no control has confirmed: "
+    "`tapewire bridgeport learn` finds out what yours says, and --profile tells it"
+)
 
 STOP_CHARACTERS: Final = 3
 """A sender stops within so many characters of XOFF (3.2)."""
