@@ -21,7 +21,7 @@ from tapewire.protocols.fanuc_a import messages as fanuc_a_messages
 from tapewire.protocols.fanuc_a import packets as fanuc_a_packets
 from tapewire.protocols.fanuc_a.cnc_packets import PacketSession
 from tapewire.protocols.fanuc_a.host import FanucAHost
-from tapewire.protocols.fanuc_a.host_job import Job
+from tapewire.protocols.fanuc_a.host_job import Job, Supply
 from tapewire.protocols.fanuc_a.host_line import HostLine
 from tapewire.protocols.fanuc_a.host_packets import PacketStream
 from tapewire.protocols.fanuc_a.host_streaming import Streaming
@@ -50,7 +50,8 @@ class Mutant:
     def alive(self) -> Iterator[None]:
         """The bug is there inside this block."""
         with ExitStack() as stack:
-            for owner, attribute, wrap in self.spoils:
+            for engine, attribute, wrap in self.spoils:
+                owner = next(part for part in engine.__mro__ if attribute in part.__dict__)
                 method = owner.__dict__[attribute]
                 if isinstance(method, property):
                     assert method.fget is not None
@@ -200,7 +201,16 @@ def _high_is_low(method: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _done_too_early(method: Callable[..., Any]) -> Callable[..., Any]:
-    return lambda self: self._exhausted and len(self._ahead) < 200
+    """What the source has given counts as taken."""
+    return lambda self: self._exhausted
+
+
+def _last_too_early(method: Callable[..., Any]) -> Callable[..., Any]:
+    def supply(self: Any, size: int) -> Any:
+        result = method(self, size)
+        return Supply.LAST if self._exhausted else result
+
+    return supply
 
 
 def _one_further(method: Callable[..., Any]) -> Callable[..., Any]:
@@ -358,7 +368,7 @@ MUTANTS: tuple[Mutant, ...] = (
         name="A: done before the last DAT was asked for",
         protocol=_A,
         presets=_QUIET,
-        spoils=((Job, "all_taken", _done_too_early),),
+        spoils=((Job, "all_taken", _done_too_early), (Job, "supply", _last_too_early)),
     ),
     Mutant(
         name="A: RST answered, and the job goes on",

@@ -19,6 +19,8 @@ from tapewire.sim.undetectable import Excuses, first_difference
 
 __all__ = ["FOOTPRINT_BYTES", "Finding", "judge"]
 
+_END_CODES: Final = frozenset(b"\x0d\x8d\x03")
+
 FOOTPRINT_BYTES: Final = 300 * 1024
 """An engine holds no more beside the program: buffers of 8 KB, ten packets, tables, its last events."""
 
@@ -72,6 +74,9 @@ def _must_be_repeated(scenario: Scenario, evidence: Evidence) -> bool:
     repeats = scenario.protocol.startswith("fanuc-a") and scenario.settings.host.get("Ne", "10") != "0"
     damages = evidence.damages
     one = len(damages) == 1 and damages[0].unseen and len(damages[0].plain) == len(damages[0].sent) == 1
+    if one and set(damages[0].sent + damages[0].plain) & _END_CODES:
+        # There is no length and no other mark: a message without its end is over when To is (4.1, 4.6 1)).
+        return False
     return repeats and one and evidence.left_alone and not evidence.overruns_beyond
 
 

@@ -29,6 +29,8 @@ def first_difference(got: bytes, program: bytes) -> int | None:
     return next((at for at, (one, other) in enumerate(zip(got, program, strict=False)) if one != other), len(program))
 
 
+_BRIDGEPORT_NAME: Final = frozenset(b"0123456789;LD")
+
 _MOST_AMBIGUOUS: Final = "more faults than a line can have and work"
 _PULLED: Final = "characters in a pulled cable that nothing shows"
 
@@ -143,6 +145,8 @@ class Excuses:
                 return damage.name
         if self._dark_control:
             return "a control whose loss of power nothing shows"
+        if self._scenario.protocol == "bridgeport" and self._codes_hit(Wire.FROM_CONTROL, _BRIDGEPORT_NAME):
+            return "a program name that came otherwise"
         return self._told_wrongly()
 
     def _told_wrongly(self) -> str:
