@@ -24,6 +24,7 @@ _COMMANDS: Final = {
     "decode": "tapewire.cli.decode",
     "monitor": "tapewire.cli.monitor",
     "bridgeport": "tapewire.cli.bridgeport",
+    "g05": "tapewire.cli.g05",
     "ports": "tapewire.cli.ports",
     "qualify": "tapewire.cli.qualify",
     "convert": "tapewire.cli.convert",
