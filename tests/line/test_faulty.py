@@ -13,6 +13,7 @@ from tapewire.line.faults.plan import (
     At,
     Break,
     DoubleCharacter,
+    Every,
     FaultPlan,
     FlipBits,
     Framing,
@@ -213,6 +214,17 @@ def test_a_late_stop_comes_late_and_at_once_when_the_line_ends() -> None:
             deadline = faulty.next_deadline()
             assert deadline == now + 20 * CHARACTER
             assert data_of(faulty.read(deadline)) == b"\x13B"
+
+
+def test_nothing_goes_wrong_any_more_once_it_is_closed() -> None:
+    faults = (LateStop(when=Nth(1), characters=20), Noise(when=Every(MILLISECOND)))
+    faulty, far = wrapped(faults_of(*faults))
+    far.write(b"\x13B", START)
+    faulty.read(START + 3 * CHARACTER)
+    faulty.close(START + 3 * CHARACTER)
+    assert faulty.read(START + SECOND) == []
+    assert faulty.next_deadline() is None
+    assert faulty.room(START + SECOND) == 0
 
 
 @pytest.mark.parametrize("end", LineEnd)

@@ -25,6 +25,7 @@ _COMMANDS: Final = {
     "monitor": "tapewire.cli.monitor",
     "bridgeport": "tapewire.cli.bridgeport",
     "simulate": "tapewire.cli.simulate",
+    "g05": "tapewire.cli.g05",
     "ports": "tapewire.cli.ports",
     "qualify": "tapewire.cli.qualify",
     "convert": "tapewire.cli.convert",

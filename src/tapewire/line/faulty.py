@@ -276,4 +276,7 @@ class FaultyTransport:
         return min((moment for moment in moments if moment is not None), default=None)
 
     def close(self, now: Nanos) -> None:
+        self._ended = True
+        self._late.clear()
+        self._extra.clear()
         self._line.close(now)

@@ -10,10 +10,12 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Final
 
-from tapewire.engine import SECOND, CncEngine, Event, Nanos, Sink
+from tapewire.engine import SECOND, Alarm, CncEngine, Event, Events, Nanos, Sink
+from tapewire.fanuc.alarms import text_of
 from tapewire.sim.binary_operation import BinaryOperation
+from tapewire.sim.program_flow import After, ProgramFlow
 
-__all__ = ["Control", "Motion"]
+__all__ = ["Control", "Motion", "Work"]
 
 SEND_BUFFER: Final = 256
 """Characters the control takes ahead of what it executes (B-63322EN-1 12.2)."""
@@ -27,6 +29,16 @@ class Motion(Enum):
     """In the middle of a block: the rest of it waits for CYCLE START."""
     STOPPED = "single block"
     """Between two blocks: the next one waits for CYCLE START."""
+    PROGRAM_STOP = "program stop (M00, M01)"
+    ENDED = "end of program (M02, M30)"
+    """Another program is on the tape: it waits for CYCLE START."""
+
+
+class Work(Enum):
+    """What becomes of blocks that are taken."""
+
+    EXECUTE = "executed, in DNC operation"
+    STORE = "stored, when a program is read into the memory"
 
 
 class Control:
@@ -36,7 +48,8 @@ class Control:
     `sink` gets the program as taken from the buffer, up to and including EOR. `eob` is the end of block of the code
     in use. An operator presses RESET, or the control goes to alarm, once `reset_after` or `alarm_after` bytes of
     program have been taken, or punched. With `binary` it executes the
-    records of G05 sections, each in its unit time. With `single_block` it stops after each block until `go`.
+    records of G05 sections, each in its unit time. With `single_block` it stops after each block until `go`. With
+    `flow` it obeys M00, M01, M02 and M30, and goes to alarm at a block that it cannot execute.
     """
 
     def __init__(
@@ -51,6 +64,7 @@ class Control:
         alarm_after: int | None = None,
         binary: BinaryOperation | None = None,
         single_block: bool = False,
+        flow: ProgramFlow | None = None,
     ) -> None:
         self._engine = engine
         self._sink = sink
@@ -71,6 +85,10 @@ class Control:
         self.single_block = single_block
         """The operator's switch."""
         self.motion = Motion.RUNNING
+        self.flow = flow
+        self.work = Work.EXECUTE
+        self._after = After.GO_ON
+        self._events = Events()
         self.bytes_taken = 0
         self.blocks_executed = 0
 
@@ -94,7 +112,8 @@ class Control:
         return self._block_done
 
     def next_event(self) -> Event | None:
-        return None if self.binary is None else self.binary.next_event()
+        event = self._events.get()
+        return self.binary.next_event() if event is None and self.binary is not None else event
 
     # the operator
 
@@ -111,7 +130,7 @@ class Control:
         self.motion = Motion.HELD
 
     def go(self, now: Nanos) -> None:
-        """CYCLE START in the middle of a program: go on after a feed hold, or with the next single block."""
+        """CYCLE START in the middle of a tape: go on after a hold, a stop or the end of a program."""
         if self._rest_of_block:
             self._block_done = now + self._rest_of_block
             self._rest_of_block = 0
@@ -132,6 +151,7 @@ class Control:
         self._block_done = None
         self._rest_of_block = 0
         self.motion = Motion.RUNNING
+        self._after = After.GO_ON
         if self.binary is not None and not self.binary.stopped:
             self.binary.reset()
 
@@ -158,7 +178,7 @@ class Control:
         """One step of execution; True if it changed anything."""
         if self.motion is not Motion.RUNNING:
             return False
-        if self._block_time is None and self.binary is None and not self.single_block:
+        if self.work is Work.STORE or self._executes_at_once:
             self.blocks_executed += self._send_buffer.count(self._eob)
             changed = bool(self._send_buffer)
             self._send_buffer.clear()
@@ -168,17 +188,27 @@ class Control:
                 return False
             self.blocks_executed += 1
             began, self._block_done = self._block_done, None
-            if self.single_block:
-                self.motion = Motion.STOPPED
+            if self._stops(now):
                 return True
         else:
             began = now
         changed = self._begin_record(now) if self.binary and self.binary.active else self._begin_block(began)
         if self.binary is not None and self.binary.stopped:
-            self._forget()
-            self._engine.alarm(now)
+            self.alarm(now)
             return False
         return changed or began != now
+
+    @property
+    def _executes_at_once(self) -> bool:
+        return self._block_time is None and self.binary is None and not self.single_block and self.flow is None
+
+    def _stops(self, now: Nanos) -> bool:
+        """A block is done: does the control stop behind it?"""
+        if self._after is After.STOP:
+            self.motion, self._after = Motion.PROGRAM_STOP, After.GO_ON
+        elif self.single_block:
+            self.motion = Motion.STOPPED
+        return self.motion is not Motion.RUNNING
 
     def _begin_record(self, now: Nanos) -> bool:
         assert self.binary is not None
@@ -193,8 +223,26 @@ class Control:
         if not length:
             return False
         block = bytes(self._send_buffer[:length])
+        if self.flow is not None and not self._may_begin(block, self.flow, began):
+            return False
         if self.binary is not None:
             self.binary.sees(block)
         del self._send_buffer[:length]
         self._block_done = began + (self._block_time(block) if self._block_time is not None else 0)
+        return True
+
+    def _may_begin(self, block: bytes, flow: ProgramFlow, now: Nanos) -> bool:
+        """Not behind the end of a program, when more than its EOR follows, and not what cannot be executed."""
+        if self._after is After.END and not flow.is_blank(block):
+            self.motion, self._after = Motion.ENDED, After.GO_ON
+            return False
+        judgement = flow.judge(block)
+        if judgement.complaint is not None:
+            number, what = judgement.complaint.number, judgement.complaint.what
+            text = text_of(number, f"{what} (after {self.blocks_executed:,} blocks)")
+            self._events.put(Alarm(number=number, text=text))
+            self.alarm(now)
+            return False
+        if self._after is not After.END:
+            self._after = judgement.after
         return True

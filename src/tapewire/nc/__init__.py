@@ -1,0 +1,1 @@
+"""NC programs as moves."""
