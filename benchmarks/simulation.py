@@ -28,9 +28,9 @@ SEEDS = 2
 
 ABOUT = """\
 A line of expansion protocol B at 86400 baud, saturated, by what its receiver tells at once (a FIFO of 16, of 128, a
-control that looks every 2000 characters), then with a control that executes 5 blocks a second. Seconds of simulated time
-for a second of processor time, no transcript kept. The goals were {saturated:,} for the saturated line and {executing:,}
-for the executing control.
+control that looks every 2000 characters), then with a control that executes 5 blocks a second. Seconds of simulated
+time for a second of processor time, no transcript kept. The goals were {saturated:,} for the saturated line and
+{executing:,} for the executing control; neither is reached.
 
 """
 
@@ -96,8 +96,8 @@ def main() -> None:
         + table(["line", "simulated seconds a second"], speeds)
         + "\n\nTransfers of a campaign (all presets, sizes as drawn) for one processor:\n\n"
         + table(["protocol", "transfers a second", "simulated hours a second"], rates)
-        + "\n\nWhat bounds the saturated line: one step of an end for each piece that its FIFO tells, and a step is some "
-        "thirty calls of which none stands out.\n\n" + table(["function", "own share of the time"], profile())
+        + "\n\nWhat bounds the saturated line: one step of an end for each piece that its FIFO tells, and a step is "
+        "some thirty calls of which none stands out.\n\n"
     )
     write_section("simulation", "Speed of the simulated world", text)
 
