@@ -87,6 +87,7 @@ def test_tape_says_what_a_control_would_find(tape: Path) -> None:
 def test_tape_names_the_block_that_fails_the_tv_check(tape: Path) -> None:
     told = printed("fanuc", "tape", tape, "--tv")
     assert told.status == 0
+    assert told.stdout.endswith("TV check: every block has an even number of characters\n")
     tape.write_bytes(b"%\nX1\nX1.\n")
     told = printed("fanuc", "tape", tape, "--tv")
     assert told.status == 1

@@ -107,3 +107,16 @@ def test_diagnose_reads_a_capture(tmp_path: Path, side: Side, case: str) -> None
     asked = Record(at=1_000_000_000, what=Happening.RECEIVED, data=b"\x11")
     capture.write_bytes(encoder.header(Origin(side=side)) + encoder.record(asked))
     assert f"case: {case}" in printed("fanuc", "diagnose", "--capture", capture).stdout
+
+
+def test_host_settings_prints_the_simulated_control_of_the_same_parameters(params: Path) -> None:
+    """And `tapewire cnc` takes it: only the LINE is refused."""
+    told = printed("fanuc", "host-settings", params, "--simulated")
+    command = told.stdout.splitlines()[-1]
+    assert command == (
+        "tapewire cnc --line LINE --protocol fanuc-b --baud 9600 --stopbits 1 "
+        "--set data=ascii --set cd=off --set code=iso --set posting=on"
+    )
+    refused = printed(*command.replace("LINE", "nowhere:1").split()[1:])
+    assert "nowhere:1" in refused.stderr
+    assert "--set" not in refused.stderr

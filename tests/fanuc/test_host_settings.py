@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tapewire.errors import UsageError
-from tapewire.fanuc.host_settings import HostSettings, host_settings, longest_cable_m
+from tapewire.fanuc.host_settings import HostSettings, control_settings, host_settings, longest_cable_m
 from tapewire.fanuc.parameter_check import Weight
 from tapewire.fanuc.parameters import Interface, ParameterSet
 
@@ -169,3 +169,35 @@ def test_10_1_an_input_device_that_is_not_the_remote_buffer() -> None:
     assert warnings(derived({**RS_232_C, 20: 10})) == []
     (warning,) = warnings(derived({**RS_232_C, 20: 4}))
     assert warning.startswith("No. 0020 is 4")
+
+
+# -- 10.3: binary input operation ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("bits", "time", "word"),
+    [
+        (0b0000, 0b000, "3,special,no-aux,8ms"),
+        (0b0100, 0b001, "3,general,no-aux,2ms"),
+        (0b1000, 0b010, "3,special,aux,4ms"),
+        (0b1100, 0b011, "3,general,aux,16ms"),
+    ],
+)
+def test_10_3_the_records_are_those_of_7609_7618_and_7635(bits: int, time: int, word: str) -> None:
+    values = {**RS_422, 5073: 15, 7609: bits, 7618: time, 7635: 3}
+    assert derived(values).settings["g05"] == word
+    assert control_settings(ParameterSet(values), Interface.RS_422).settings["g05"] == word
+    assert "g05" not in derived({**values, 7635: 0}).settings
+
+
+@pytest.mark.parametrize(("baud", "enough"), [(11, False), (12, True)])
+def test_9_2_a_rate_that_is_too_low_for_the_records(baud: int, enough: bool) -> None:
+    found = warnings(derived({**RS_422, 5073: baud, 7635: 4}))
+    assert ["needs 12375 baud (9.2)" in text for text in found] == ([] if enough else [True])
+
+
+def test_9_1_5_note_protocol_a_has_the_special_format_alone() -> None:
+    values = {**RS_422, 5073: 12, 5074: 3, 7609: 0b100, 7635: 1}
+    (warning,) = warnings(derived(values, protocol="fanuc-a"))
+    assert "special format alone" in warning
+    assert warnings(derived(values, protocol="fanuc-a-expansion")) == []

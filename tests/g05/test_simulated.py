@@ -138,7 +138,7 @@ def test_a_wrong_check_byte_is_sr890(name: str) -> None:
 def test_g05_in_a_forbidden_mode_is_sr891(before: bytes, mode: str) -> None:
     pair = run("fanuc-b", program(section(SPECIAL, 5), before=before), "3,8ms")
     alarms = [event for _, event in pair.cnc_events if isinstance(event, Alarm)]
-    assert [(alarm.number, alarm.text) for alarm in alarms] == [("SR891", f"ILLEGAL COMMAND G05 ({mode})")]
+    assert [(alarm.number, alarm.text) for alarm in alarms] == [("SR891", f"ILLEGAL COMMAND G05: {mode}")]
     assert binary(pair).records_executed == 0
 
 

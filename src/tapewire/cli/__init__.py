@@ -24,6 +24,7 @@ _COMMANDS: Final = {
     "decode": "tapewire.cli.decode",
     "monitor": "tapewire.cli.monitor",
     "bridgeport": "tapewire.cli.bridgeport",
+    "simulate": "tapewire.cli.simulate",
     "g05": "tapewire.cli.g05",
     "ports": "tapewire.cli.ports",
     "qualify": "tapewire.cli.qualify",

@@ -13,7 +13,7 @@ from tapewire.codes import EiaSigns
 from tapewire.errors import UsageError
 from tapewire.fanuc.alarms import BEGIN_AGAIN, AlarmRecord, alarm_named
 from tapewire.fanuc.diagnosis import Case, Seen, diagnose
-from tapewire.fanuc.host_settings import HostSettings, host_settings
+from tapewire.fanuc.host_settings import HostSettings, control_settings, host_settings
 from tapewire.fanuc.leds import Red, read_leds
 from tapewire.fanuc.parameter_check import Weight
 from tapewire.fanuc.parameter_file import (
@@ -71,20 +71,26 @@ _INTERFACE: Final = click.option(
 @_INTERFACE
 @click.option("--protocol", metavar="NAME", help="fanuc-a or fanuc-a-expansion: the control leaves it to the host.")
 @click.option("--cable-length", type=Number(min=0), metavar="METRES", help="Is the cable short enough for the rate?")
-def host_settings_command(params: Path, interface: str | None, protocol: str | None, cable_length: float | None) -> int:
+@click.option("--simulated", is_flag=True, help="Print the command of a simulated control with these parameters too.")
+def host_settings_command(
+    params: Path, interface: str | None, protocol: str | None, cable_length: float | None, simulated: bool
+) -> int:
     """Print the commands that suit a control with the parameters in the file PARAMS.
 
     PARAMS holds lines such as `N5074 P3`, as the control punches them, or TOML. The exit status is 1 where something
     must be seen to first.
     """
+    values = _parameters_of(params).parameters
     settings = host_settings(
-        _parameters_of(params).parameters,
+        values,
         board=_INTERFACES[interface] if interface else None,
         protocol=protocol,
         cable_length_m=cable_length,
     )
     for verb in ("send", "receive") if settings.receives else ("send",):
         click.echo(settings.command(verb))
+    if simulated:
+        click.echo(settings.control_command(control_settings(values, settings.interface)))
     _tell(settings)
     warned = any(finding.weight is Weight.WARNING for finding in settings.findings)
     return NOT_COMPLETE if warned else COMPLETE
@@ -175,6 +181,8 @@ def tape(file: Path, source: str, words: tuple[str, ...], tv: bool, no_comments:
         file, source=source_of(source), comments=comments if tv else None, signs=EiaSigns.parse(words)
     )
     click.echo("\n".join(_tape_text(report)))
+    if tv and not report.failures:
+        click.echo("TV check: every block has an even number of characters")
     return NOT_COMPLETE if report.failures else COMPLETE
 
 

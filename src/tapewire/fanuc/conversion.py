@@ -61,16 +61,16 @@ def convert(
     """
     writer = _Writer(write, target, eob, signs)
 
-    def on_line(line: bytes, number: int) -> None:
-        tell_text(line)
-        writer.put(line, number)
+    def on_text(text: bytes, first_line: int) -> None:
+        tell_text(text)
+        writer.put(text, first_line)
 
-    lines = _Lines(on_line)
-    blank = _blank_tape(read, source, signs, lines, lambda leader: writer.feed(leader if feed is None else feed))
-    lines.finish()
+    blocks = _Blocks(on_text)
+    blank = _blank_tape(read, source, signs, blocks, lambda leader: writer.feed(leader if feed is None else feed))
+    blocks.finish()
     writer.feed(trailer := blank.trailer if feed is None else feed)
     return Conversion(
-        blocks=lines.blocks,
+        blocks=blocks.blocks,
         leader=blank.leader if feed is None else feed,
         trailer=trailer,
         byte_count=writer.byte_count,
@@ -78,10 +78,10 @@ def convert(
 
 
 def read_text(read: Read, code: DataCode, tell_text: Callable[[bytes], object], signs: EiaSigns = EIA_SIGNS) -> None:
-    """Give the text of a program in `code`, as `convert` tells it. Raises ProgramError where it would."""
-    lines = _Lines(lambda line, number: tell_text(line))
-    _blank_tape(read, code, signs, lines, lambda leader: None)
-    lines.finish()
+    """Give the text of a program in `code`, whole blocks at a time. Raises ProgramError where `convert` would."""
+    blocks = _Blocks(lambda text, first_line: tell_text(text))
+    _blank_tape(read, code, signs, blocks, lambda leader: None)
+    blocks.finish()
 
 
 class _Blank:
@@ -110,11 +110,11 @@ class _Blank:
 
 
 def _blank_tape(
-    read: Read, code: DataCode, signs: EiaSigns, lines: _Lines, on_begin: Callable[[int], object]
+    read: Read, code: DataCode, signs: EiaSigns, blocks: _Blocks, on_begin: Callable[[int], object]
 ) -> _Blank:
-    """Read all of it into `lines`; how much blank tape is around it. `on_begin` gets the leader before any text."""
+    """Read all of it into `blocks`; how much blank tape is around it. `on_begin` gets the leader before any text."""
     blank = _Blank()
-    reader = PunchReader(code, lines.take, signs)
+    reader = PunchReader(code, blocks.take, signs)
     offset = eobs = 0
     eob = table_of(code, signs).to_code[ord("\n")]
     while chunk := read(CHUNK_BYTES):
@@ -134,19 +134,19 @@ def _blank_tape(
     return blank
 
 
-class _Lines:
-    """Puts text together to lines, each with its LF; the last may have none."""
+class _Blocks:
+    """Puts text together to whole blocks, each with its LF; the last may have none."""
 
-    def __init__(self, on_line: Callable[[bytes, int], object]) -> None:
-        self._on_line = on_line
+    def __init__(self, on_text: Callable[[bytes, int], object]) -> None:
+        self._on_text = on_text
         self._pending = bytearray()
         self.blocks = 0
 
     def take(self, text: bytes) -> None:
         self._pending += text
-        while end := self._pending.find(b"\n") + 1:
-            self._give(bytes(self._pending[:end]))
-            del self._pending[:end]
+        if whole := self._pending.rfind(b"\n") + 1:
+            self._give(bytes(self._pending[:whole]))
+            del self._pending[:whole]
         if len(self._pending) > MAX_BLOCK_BYTES:
             raise ProgramError(
                 f"line {self.blocks + 1}: more than 1 MiB without an EOB: this is no NC program", line=self.blocks + 1
@@ -156,12 +156,14 @@ class _Lines:
         if self._pending:
             self._give(bytes(self._pending))
 
-    def _give(self, line: bytes) -> None:
-        number = self.blocks + 1
-        if (offset := find_g05(line, 0)) is not None:
-            raise _refusal(number, offset, "after the block G05 come binary records, which have no other code")
-        self.blocks += line.endswith(b"\n")
-        self._on_line(line, number)
+    def _give(self, text: bytes) -> None:
+        first_line = self.blocks + 1
+        if (offset := find_g05(text, 0)) is not None:
+            raise _refusal(
+                first_line, text, offset, "after the block G05 come binary records, which have no other code"
+            )
+        self.blocks += text.count(b"\n")
+        self._on_text(text, first_line)
 
 
 class _Writer:
@@ -173,7 +175,7 @@ class _Writer:
         self._write = write
         self._code = code
         self._table = table_of(code, signs)
-        self._eob = _EOB_BYTES[eob].translate(self._table.to_code)
+        self._eob_text = _EOB_BYTES[eob]
         self.byte_count = 0
 
     def feed(self, count: int) -> None:
@@ -181,17 +183,17 @@ class _Writer:
             self._put(bytes(min(count, CHUNK_BYTES)))
             count -= CHUNK_BYTES
 
-    def put(self, line: bytes, number: int) -> None:
-        if (offset := first_outside(line, self._table.characters)) is not None:
-            raise _refusal(number, offset, f"{name_of(line[offset])} has no {self._code.upper()} code")
-        body = line.removesuffix(b"\n").translate(self._table.to_code)
-        self._put(body + self._eob if line.endswith(b"\n") else body)
+    def put(self, text: bytes, first_line: int) -> None:
+        if (offset := first_outside(text, self._table.characters)) is not None:
+            raise _refusal(first_line, text, offset, f"{name_of(text[offset])} has no {self._code.upper()} code")
+        body = text if self._eob_text == b"\n" else text.replace(b"\n", self._eob_text)
+        self._put(body.translate(self._table.to_code))
 
     def _put(self, data: bytes) -> None:
         self.byte_count += len(data)
         self._write(data)
 
 
-def _refusal(line: int, offset: int, why: str) -> ProgramError:
-    column = offset + 1
+def _refusal(first_line: int, text: bytes, offset: int, why: str) -> ProgramError:
+    line, column = first_line + text.count(b"\n", 0, offset), offset - text.rfind(b"\n", 0, offset)
     return ProgramError(f"line {line}, column {column}: {why}", line=line, column=column)

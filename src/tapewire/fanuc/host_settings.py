@@ -12,6 +12,7 @@ from tapewire.codes import DataCode
 from tapewire.errors import UsageError
 from tapewire.fanuc.parameter_check import Finding, Weight, check, refuse_unusable
 from tapewire.fanuc.parameters import BAUD_CODES, LINE_NUMBERS, REMOTE_BUFFER_DEVICE, Interface, ParameterSet
+from tapewire.g05.layout import AuxiliaryUse, BinaryInput, Layout, RecordFormat, UnitTime, required_baud
 
 __all__ = ["ControlSettings", "HostSettings", "control_settings", "host_settings", "longest_cable_m"]
 
@@ -73,6 +74,12 @@ class HostSettings:
         options += [f"--set {key}={value}" for key, value in words.items()]
         return " ".join(["tapewire", verb, file, f"--line {line}", *options])
 
+    def control_command(self, control: ControlSettings, *, line: str = "LINE") -> str:
+        """The command line of a simulated control with the same parameters."""
+        options = [f"--protocol {self.protocol}", f"--baud {control.baud}", f"--stopbits {control.stopbits}"]
+        options += [f"--set {key}={value}" for key, value in control.settings.items()]
+        return " ".join(["tapewire", "cnc", f"--line {line}", *options])
+
     @property
     def receives(self) -> bool:
         """Protocol A has no punch-out (2.2, chapter 1 2))."""
@@ -101,6 +108,7 @@ def host_settings(
     chosen, others = _choose(_BY_NUMBER[parameters.values[numbers.protocol]], interface, protocol)
     findings += tuple(_about_the_line(parameters, interface, chosen, baud, cable_length_m))
     findings += tuple(_about_devices(parameters, interface, chosen))
+    findings += tuple(_about_binary_input(parameters, chosen, baud))
     refuse_unusable(findings)
     to_control, from_control = _data_codes(parameters)
     if to_control is None:
@@ -139,10 +147,25 @@ def _choose(names: tuple[str, ...], interface: Interface, wanted: str | None) ->
 
 def _host_words(parameters: ParameterSet, protocol: str, baud: int) -> Mapping[str, str]:
     tcc, etx = parameters.bit(5000, 2), parameters.bit(5000, 3)
+    binary = binary_input(parameters)
+    records = {} if binary is None else {"g05": str(binary)}
     if protocol in (PROTOCOL_A, EXPANSION_A):
         words = {"code": "iso" if tcc else "ascii", "end": "etx" if etx else "cr"}
-        return MappingProxyType(words | (_packet_words(baud) if protocol == EXPANSION_A else {}))
-    return MappingProxyType({"code": "ascii" if tcc else "iso", "posting": "on" if etx else "off"})
+        return MappingProxyType(words | (_packet_words(baud) if protocol == EXPANSION_A else {}) | records)
+    return MappingProxyType({"code": "ascii" if tcc else "iso", "posting": "on" if etx else "off"} | records)
+
+
+def binary_input(parameters: ParameterSet) -> BinaryInput | None:
+    """The records of binary input operation (10.3); None where 7635 was not told, or is 0."""
+    axes, unit_time_ms = parameters.get(7635), parameters.unit_time_ms
+    if not axes or unit_time_ms is None:
+        return None
+    layout = Layout(
+        axis_count=axes,
+        format=RecordFormat.GENERAL if parameters.bit(7609, 2) else RecordFormat.SPECIAL,
+        auxiliary=AuxiliaryUse.USED if parameters.bit(7609, 3) else AuxiliaryUse.UNUSED,
+    )
+    return BinaryInput(layout=layout, unit_time=UnitTime(unit_time_ms))
 
 
 def _packet_words(baud: int) -> dict[str, str]:
@@ -183,6 +206,23 @@ def _about_the_line(
     elif not parameters.bit(5000, 4):
         text = "5000#4 = 0, CD is checked: strap CD to ER at the control's side (3.2)"
         yield Finding(weight=Weight.NOTE, number=5000, text=text)
+
+
+def _about_binary_input(parameters: ParameterSet, protocol: str, baud: int) -> Iterator[Finding]:
+    """9.1 (5) note, 9.2."""
+    binary = binary_input(parameters)
+    if binary is None or binary.layout is None:
+        return
+    needed = required_baud(binary.layout, binary.unit_time)
+    if needed > baud:
+        text = (
+            f"binary input operation, {binary.layout}, {binary.unit_time.value} ms, needs {needed} baud (9.2): "
+            f"at {baud} the axes would stop between records"
+        )
+        yield Finding(weight=Weight.WARNING, number=7618, text=text)
+    if protocol == PROTOCOL_A and binary.layout.format is RecordFormat.GENERAL:
+        text = "7609#2 = 1: protocol A carries records in the special format alone (9.1 (5) note)"
+        yield Finding(weight=Weight.WARNING, number=7609, text=text)
 
 
 def _slower(interface: Interface, cable_length_m: float) -> str:
@@ -260,6 +300,10 @@ def control_settings(parameters: ParameterSet, board: Interface) -> ControlSetti
             words["code"] = "iso"
         case _, _:
             words["code"] = "ascii"
+    if parameters.get(7635):
+        form, use = parameters.bit(7609, 2), parameters.bit(7609, 3)
+        kind = f"{('special', 'general')[form]},{('no-aux', 'aux')[use]}"
+        words["g05"] = f"{parameters.get(7635)},{kind},{parameters.unit_time_ms}ms"
     if number == 3:
         words |= {"end": ("cr", "etx")[parameters.bit(5000, 3)], "echo": ("off", "on")[parameters.bit(5000, 1)]}
     else:

@@ -34,8 +34,9 @@ __all__ = ["DEFAULT_SIZE", "MEGABYTE", "CaptureFile", "CaptureSettings", "older_
 
 MEGABYTE: Final = 1_000_000
 
-DEFAULT_SIZE: Final = 32 * MEGABYTE
-"""About an hour of 86400 baud without a pause, and ten of 9600 fed two characters at a time."""
+DEFAULT_SIZE: Final = 100 * MEGABYTE
+"""At least an hour of a line that never pauses. A record takes about 60 bytes besides its characters: 9600 baud, two
+characters at a time, make 26 kB a second, and 86400 baud in larger pieces 15 kB."""
 
 LEAST_SIZE: Final = 64 * 1024
 

@@ -32,7 +32,8 @@ class Link:
     """An engine, its line, and who stands behind the engine.
 
     `on_event(event, now)` gets every event; `on_item(item, now)` sees what the line brought before the engine does;
-    `on_sent(characters, now)` is told how many have been handed over in all.
+    `on_sent(characters, now)` is told how many have been handed over in all; `on_write(data)` sees what is handed over,
+    and `on_recall(count)` how much of the end of it was called back.
     """
 
     def __init__(
@@ -44,6 +45,8 @@ class Link:
         on_event: Callable[[Event, Nanos], None] | None = None,
         on_item: Callable[[LineItem, Nanos], None] | None = None,
         on_sent: Callable[[int, Nanos], None] | None = None,
+        on_write: Callable[[bytes], None] | None = None,
+        on_recall: Callable[[int], None] | None = None,
     ) -> None:
         self.engine = engine
         self.transport = transport
@@ -55,40 +58,52 @@ class Link:
         self.on_event = on_event
         self.on_item = on_item
         self.on_sent = on_sent
+        self.on_write = on_write
+        self.on_recall = on_recall
+        self.signals_in: SignalsIn | None = None
+        """The control lines as the line last told them; None on a line without any."""
         self._reported_left = 0
         self._signals: SignalsOut | None = None
 
     def step(self, now: Nanos) -> None:
         """Bring everything up to `now`."""
         # What has left is told before what came in, which may be the answer to it.
-        self._report_left(now)
-        self._read(now)
-        deadline = self.engine.next_deadline()
+        if self._reported_left != self.characters_sent:
+            self._report_left(now)
+        if not self.closed:
+            self._read(now)
+        engine = self.engine
+        deadline = engine.next_deadline()
         if deadline is not None and deadline <= now:
-            self.engine.handle_timer(now)
+            engine.handle_timer(now)
         if self.application is not None:
             self.application.step(now)
-        self._drive_signals(now)
-        self._recall(now)
-        self._send(now)
+        if not self.closed:
+            self._drive_signals(now)
+        if engine.recall:
+            self._recall(now)
+        if not self.closed:
+            self._send(now)
         # Asked last of all: what is reported as gone may let the engine say more, and a queue that has emptied since
         # the report above would otherwise have nobody come back for it.
-        while self._report_left(now):
+        while self._reported_left != self.characters_sent and self._report_left(now):
             self._send(now)
         self._drain(now)
 
     def next_deadline(self) -> Nanos | None:
         """The nearest moment at which `step` has something to do by itself."""
-        moments = [self.engine.next_deadline()]
+        nearest = self.engine.next_deadline()
         if not self.closed:
-            moments.append(self.transport.next_deadline())
+            moment = self.transport.next_deadline()
+            if moment is not None and (nearest is None or moment < nearest):
+                nearest = moment
         if self.application is not None:
-            moments.append(self.application.next_deadline())
-        return min((moment for moment in moments if moment is not None), default=None)
+            moment = self.application.next_deadline()
+            if moment is not None and (nearest is None or moment < nearest):
+                nearest = moment
+        return nearest
 
     def _read(self, now: Nanos) -> None:
-        if self.closed:
-            return
         engine = self.engine
         for item in self.transport.read(now):
             if self.on_item is not None:
@@ -99,6 +114,7 @@ class Link:
                 case Fault(fault=fault, byte=byte):
                     engine.receive_line_fault(fault, byte, now)
                 case SignalsIn():
+                    self.signals_in = item
                     engine.receive_signals(item, now)
                 case Closed(closure=closure, reason=reason):
                     self.closed = True
@@ -106,7 +122,7 @@ class Link:
 
     def _report_left(self, now: Nanos) -> bool:
         """True when there was something to report."""
-        if self.closed or self._reported_left == self.characters_sent:
+        if self.closed:
             return False
         left = self.characters_sent - self.transport.on_its_way(now)
         if left <= self._reported_left:
@@ -117,34 +133,37 @@ class Link:
 
     def _drive_signals(self, now: Nanos) -> None:
         signals = self.engine.signals
-        if signals != self._signals and not self.closed:
+        if signals is not self._signals and signals != self._signals:
             self._signals = signals
             self.transport.set_signals(signals, now)
 
     def _recall(self, now: Nanos) -> None:
-        if self.engine.recall:
-            count = 0 if self.closed else self.transport.discard(now)
-            self.characters_sent -= count
-            self.engine.data_discarded(count, now)
+        count = 0 if self.closed else self.transport.discard(now)
+        self.characters_sent -= count
+        if self.on_recall is not None:
+            self.on_recall(count)
+        self.engine.data_discarded(count, now)
 
     def _send(self, now: Nanos) -> None:
-        while not self.closed:
-            room = self.transport.room(now)
-            data = self.engine.data_to_send(room or 1)
-            if not data or not room:
+        engine, transport = self.engine, self.transport
+        while room := transport.room(now):
+            data = engine.data_to_send(room)
+            if not data:
                 return
-            self.transport.write(data, now)
+            transport.write(data, now)
             self.characters_sent += len(data)
-            self.engine.data_sent(len(data), now)
+            if self.on_write is not None:
+                self.on_write(data)
+            engine.data_sent(len(data), now)
             if self.on_sent is not None:
                 self.on_sent(self.characters_sent, now)
 
     def _drain(self, now: Nanos) -> None:
-        while (event := self._next_event()) is not None:
+        """What the application has to tell comes first: an alarm before the end that it makes."""
+        if self.application is not None:
+            while (event := self.application.next_event()) is not None:
+                if self.on_event is not None:
+                    self.on_event(event, now)
+        while (event := self.engine.next_event()) is not None:
             if self.on_event is not None:
                 self.on_event(event, now)
-
-    def _next_event(self) -> Event | None:
-        """What the application has to tell comes first: an alarm before the end that it makes."""
-        told = self.application.next_event() if self.application is not None else None
-        return told or self.engine.next_event()

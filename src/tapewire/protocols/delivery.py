@@ -17,6 +17,14 @@ HEARD_LATE: Final[Nanos] = 100 * MILLISECOND
 had left earlier than that was with the control when it said it."""
 
 
+HEARD_LATE_CHARACTERS: Final = 10
+"""On a slow line it takes longer: two codes cross it, a receive FIFO waits four character times for a fifth, and what
+is being said is finished first."""
+
+SLOWEST: Final[Nanos] = 40 * MILLISECOND
+"""A character at 300 baud. Slower than that the pace of a line is not believed: something held it."""
+
+
 class Delivery:
     """The characters of one job. `stale` are characters of an earlier one that are still on their way."""
 
@@ -24,6 +32,7 @@ class Delivery:
         self._stale = stale
         self._left_at: Nanos = 0
         self._log: deque[tuple[Nanos, int]] = deque()
+        self._pace: Nanos = 0
         self.sent = 0
         """Handed over to the line and not called back."""
         self.in_flight = 0
@@ -44,8 +53,11 @@ class Delivery:
         self.in_flight -= count - stale
         if not self.in_flight:
             self._left_at = now
+        if self._log and count and now > self._log[-1][0]:
+            pace = min(SLOWEST, (now - self._log[-1][0]) // count)
+            self._pace = min(self._pace or pace, pace)
         self._log.append((now, self.sent - self.in_flight))
-        while len(self._log) > 1 and self._log[1][0] <= now - HEARD_LATE:
+        while len(self._log) > 1 and self._log[1][0] <= now - self._heard_late:
             self._log.popleft()
 
     def call_back(self, count: int) -> None:
@@ -56,5 +68,10 @@ class Delivery:
 
     def certain(self, now: Nanos) -> int:
         """Characters the control certainly had when it said what is heard at `now`."""
-        certain = [left for at, left in self._log if at <= now - HEARD_LATE]
+        certain = [left for at, left in self._log if at <= now - self._heard_late]
         return certain[-1] if certain else 0
+
+    @property
+    def _heard_late(self) -> Nanos:
+        """What leaves one after the other shows how long a character takes on this line."""
+        return max(HEARD_LATE, HEARD_LATE_CHARACTERS * self._pace)

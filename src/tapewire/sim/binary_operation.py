@@ -10,6 +10,7 @@ from typing import Final
 
 from tapewire.codes import TABLES, DataCode
 from tapewire.engine import MILLISECOND, Alarm, Event, Events, Nanos, Notice
+from tapewire.fanuc.alarms import AlarmNumber, text_of
 from tapewire.g05.layout import BinaryInput, Layout, RecordFormat
 from tapewire.g05.modes import ModalWatch
 from tapewire.g05.sections import find_g05
@@ -58,7 +59,7 @@ class BinaryOperation:
         if find_g05(text) is None:
             self._modes.feed(text)
         elif self._modes.forbidden:
-            self._stop("SR891", f"ILLEGAL COMMAND G05 ({', '.join(self._modes.forbidden)})")
+            self._stop(AlarmNumber.SR891, ", ".join(self._modes.forbidden))
         else:
             self.active = True
 
@@ -83,7 +84,7 @@ class BinaryOperation:
         record = bytes(records[:size])
         del records[:size]
         if (sum(record[:-1]) - record[-1]) & 0xFF:
-            self._stop("SR890", f"CHECK SUM ERROR (G05) in record {self.records_executed + 1:,}: {record.hex(' ')}")
+            self._stop(AlarmNumber.SR890, f"record {self.records_executed + 1:,}: {record.hex(' ')}")
         elif not any(record):
             self._leave()
         else:
@@ -135,10 +136,10 @@ class BinaryOperation:
             self._told = self.interruptions
         self.active, self.due, self._starving = False, None, False
 
-    def _stop(self, number: str, text: str) -> None:
+    def _stop(self, number: AlarmNumber, detail: str) -> None:
         self._leave()
         self.stopped = True
-        self._events.put(Alarm(number=number, text=text))
+        self._events.put(Alarm(number=number, text=text_of(number, detail)))
 
 
 def binary_operation(parameters: tuple[BinaryInput, DataCode] | None) -> BinaryOperation | None:

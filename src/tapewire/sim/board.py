@@ -15,7 +15,7 @@ from tapewire.fanuc.alarms import AlarmNumber, text_of
 from tapewire.fanuc.leds import STATUSES, BoardStatus, Led, Red
 from tapewire.fanuc.memory import BoardMemory, BufferImage
 from tapewire.line.transport import LineItem
-from tapewire.sim.world import Pair
+from tapewire.sim.pair import Pair
 
 __all__ = ["Board", "BufferedEngine", "Request", "watch"]
 
@@ -102,6 +102,13 @@ class Board:
                 self._stop()
                 self._engine.alarm(now)
 
+    def asked(self, request: Request) -> None:
+        """The control has asked by other ways than `request`, which carries it out too."""
+        if request in (Request.READ, Request.PUNCH):
+            self._begin()
+        else:
+            self._stop()
+
     def heard(self, event: Event) -> None:
         """An event of the engine."""
         if isinstance(event, Started):
@@ -153,7 +160,7 @@ def watch(pair: Pair, *, slot: int = 9) -> Board:
     if not isinstance(getattr(engine, "buffer", None), BufferImage):
         raise UsageError(f"{pair.entry.title} has no remote buffer")
     board = Board(cast(BufferedEngine, engine), slot=slot)
-    tell, listen = pair.cnc_link.on_event, pair.host_link.on_item
+    tell, listen = pair.on_cnc_event, pair.host_link.on_item
 
     def on_event(event: Event, now: Nanos) -> None:
         if tell is not None:
@@ -166,5 +173,5 @@ def watch(pair: Pair, *, slot: int = 9) -> Board:
         if isinstance(item, bytes):
             board.said(item)
 
-    pair.cnc_link.on_event, pair.host_link.on_item = on_event, on_item
+    pair.on_cnc_event, pair.host_link.on_item = on_event, on_item
     return board

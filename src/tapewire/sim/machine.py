@@ -7,23 +7,49 @@ characters (B-63322EN-1 12.2).
 from __future__ import annotations
 
 from collections.abc import Callable
+from enum import Enum
 from typing import Final
 
-from tapewire.engine import SECOND, CncEngine, Event, Nanos, Sink
+from tapewire.engine import SECOND, Alarm, CncEngine, Event, Events, Nanos, Sink
+from tapewire.fanuc.alarms import text_of
 from tapewire.sim.binary_operation import BinaryOperation
+from tapewire.sim.program_flow import After, ProgramFlow
 
-__all__ = ["Control"]
+__all__ = ["Control", "Motion", "Work"]
 
 SEND_BUFFER: Final = 256
 """Characters the control takes ahead of what it executes (B-63322EN-1 12.2)."""
 
 
+class Motion(Enum):
+    """Whether blocks are executed."""
+
+    RUNNING = "running"
+    HELD = "feed hold"
+    """In the middle of a block: the rest of it waits for CYCLE START."""
+    STOPPED = "single block"
+    """Between two blocks: the next one waits for CYCLE START."""
+    PROGRAM_STOP = "program stop (M00, M01)"
+    ENDED = "end of program (M02, M30)"
+    """Another program is on the tape: it waits for CYCLE START."""
+
+
+class Work(Enum):
+    """What becomes of blocks that are taken."""
+
+    EXECUTE = "executed, in DNC operation"
+    STORE = "stored, when a program is read into the memory"
+
+
 class Control:
-    """Executes `blocks_per_second`; None executes, or stores, as fast as the program comes in.
+    """Executes `blocks_per_second`, or as `block_time` says of each block; with neither it executes, or stores, as
+    fast as the program comes in.
 
     `sink` gets the program as taken from the buffer, up to and including EOR. `eob` is the end of block of the code
     in use. An operator presses RESET, or the control goes to alarm, once `reset_after` or `alarm_after` bytes of
-    program have been taken, or punched. With `binary` it executes the records of G05 sections, each in its unit time.
+    program have been taken, or punched. With `binary` it executes the
+    records of G05 sections, each in its unit time. With `single_block` it stops after each block until `go`. With
+    `flow` it obeys M00, M01, M02 and M30, and goes to alarm at a block that it cannot execute.
     """
 
     def __init__(
@@ -32,14 +58,20 @@ class Control:
         sink: Sink,
         *,
         blocks_per_second: float | None = None,
+        block_time: Callable[[bytes], Nanos] | None = None,
         eob: bytes = b"\n",
         reset_after: int | None = None,
         alarm_after: int | None = None,
         binary: BinaryOperation | None = None,
+        single_block: bool = False,
+        flow: ProgramFlow | None = None,
     ) -> None:
         self._engine = engine
         self._sink = sink
-        self._block_time: Nanos | None = None if blocks_per_second is None else round(SECOND / blocks_per_second)
+        if blocks_per_second is not None:
+            each = round(SECOND / blocks_per_second)
+            block_time = lambda block: each  # noqa: E731
+        self._block_time = block_time
         self._eob = eob
         self._acts: list[tuple[int, Callable[[Nanos], None]]] = []
         if reset_after is not None:
@@ -49,13 +81,22 @@ class Control:
         self.binary = binary
         self._send_buffer = bytearray()
         self._block_done: Nanos | None = None
+        self._rest_of_block: Nanos = 0
+        self.single_block = single_block
+        """The operator's switch."""
+        self.motion = Motion.RUNNING
+        self.flow = flow
+        self.work = Work.EXECUTE
+        self._after = After.GO_ON
+        self._events = Events()
         self.bytes_taken = 0
         self.blocks_executed = 0
 
     @property
     def idle(self) -> bool:
         """Nothing taken is left to execute."""
-        return self._block_done is None and not self._send_buffer and not (self.binary and self.binary.active)
+        moves = self._block_done is not None or self._rest_of_block or (self.binary and self.binary.active)
+        return not moves and not self._send_buffer
 
     def step(self, now: Nanos) -> None:
         if self.binary is not None and self.binary.stopped:
@@ -71,34 +112,73 @@ class Control:
         return self._block_done
 
     def next_event(self) -> Event | None:
-        return None if self.binary is None else self.binary.next_event()
+        event = self._events.get()
+        return self.binary.next_event() if event is None and self.binary is not None else event
+
+    # the operator
+
+    def cycle_start(self, now: Nanos) -> None:
+        """The control begins to read a program. Raises UsageError where it cannot."""
+        self._engine.cycle_start(now)
+        self._forget()
+
+    def feed_hold(self, now: Nanos) -> None:
+        """The axes stop where they are."""
+        if self.motion is Motion.RUNNING and self._block_done is not None:
+            self._rest_of_block = max(0, self._block_done - now)
+            self._block_done = None
+        self.motion = Motion.HELD
+
+    def go(self, now: Nanos) -> None:
+        """CYCLE START in the middle of a tape: go on after a hold, a stop or the end of a program."""
+        if self._rest_of_block:
+            self._block_done = now + self._rest_of_block
+            self._rest_of_block = 0
+        self.motion = Motion.RUNNING
+
+    def reset(self, now: Nanos) -> None:
+        """RESET: what was taken and not executed is lost (8.2)."""
+        self._forget()
+        self._engine.reset(now)
+
+    def alarm(self, now: Nanos) -> None:
+        """The control goes to alarm by itself, and stops."""
+        self._forget()
+        self._engine.alarm(now)
+
+    def _forget(self) -> None:
+        self._send_buffer.clear()
+        self._block_done = None
+        self._rest_of_block = 0
+        self.motion = Motion.RUNNING
+        self._after = After.GO_ON
+        if self.binary is not None and not self.binary.stopped:
+            self.binary.reset()
 
     def _take(self, now: Nanos) -> int:
         room = SEND_BUFFER - len(self._send_buffer)
         for at, _ in self._acts:
             room = min(room, max(0, at - self.bytes_taken))
         data = self._engine.take(room, now) if room else b""
-        self._sink.write(data)
-        self._send_buffer += data
-        self.bytes_taken += len(data)
-        self._act(now)
+        if data:
+            self._sink.write(data)
+            self._send_buffer += data
+            self.bytes_taken += len(data)
+        if self._acts:
+            self._act(now)
         return len(data)
 
     def _act(self, now: Nanos) -> None:
         for entry in [entry for entry in self._acts if entry[0] <= max(self.bytes_taken, self._engine.progress)]:
             self._acts.remove(entry)
             self._forget()
-            if self.binary is not None:
-                self.binary.reset()
             entry[1](now)
-
-    def _forget(self) -> None:
-        self._send_buffer.clear()
-        self._block_done = None
 
     def _execute(self, now: Nanos) -> bool:
         """One step of execution; True if it changed anything."""
-        if self._block_time is None and self.binary is None:
+        if self.motion is not Motion.RUNNING:
+            return False
+        if self.work is Work.STORE or self._executes_at_once:
             self.blocks_executed += self._send_buffer.count(self._eob)
             changed = bool(self._send_buffer)
             self._send_buffer.clear()
@@ -108,14 +188,27 @@ class Control:
                 return False
             self.blocks_executed += 1
             began, self._block_done = self._block_done, None
+            if self._stops(now):
+                return True
         else:
             began = now
         changed = self._begin_record(now) if self.binary and self.binary.active else self._begin_block(began)
         if self.binary is not None and self.binary.stopped:
-            self._forget()
-            self._engine.alarm(now)
+            self.alarm(now)
             return False
         return changed or began != now
+
+    @property
+    def _executes_at_once(self) -> bool:
+        return self._block_time is None and self.binary is None and not self.single_block and self.flow is None
+
+    def _stops(self, now: Nanos) -> bool:
+        """A block is done: does the control stop behind it?"""
+        if self._after is After.STOP:
+            self.motion, self._after = Motion.PROGRAM_STOP, After.GO_ON
+        elif self.single_block:
+            self.motion = Motion.STOPPED
+        return self.motion is not Motion.RUNNING
 
     def _begin_record(self, now: Nanos) -> bool:
         assert self.binary is not None
@@ -129,8 +222,27 @@ class Control:
         length = end + len(self._eob) if end >= 0 else len(self._send_buffer)
         if not length:
             return False
+        block = bytes(self._send_buffer[:length])
+        if self.flow is not None and not self._may_begin(block, self.flow, began):
+            return False
         if self.binary is not None:
-            self.binary.sees(bytes(self._send_buffer[:length]))
+            self.binary.sees(block)
         del self._send_buffer[:length]
-        self._block_done = began + (self._block_time or 0)
+        self._block_done = began + (self._block_time(block) if self._block_time is not None else 0)
+        return True
+
+    def _may_begin(self, block: bytes, flow: ProgramFlow, now: Nanos) -> bool:
+        """Not behind the end of a program, when more than its EOR follows, and not what cannot be executed."""
+        if self._after is After.END and not flow.is_blank(block):
+            self.motion, self._after = Motion.ENDED, After.GO_ON
+            return False
+        judgement = flow.judge(block)
+        if judgement.complaint is not None:
+            number, what = judgement.complaint.number, judgement.complaint.what
+            text = text_of(number, f"{what} (after {self.blocks_executed:,} blocks)")
+            self._events.put(Alarm(number=number, text=text))
+            self.alarm(now)
+            return False
+        if self._after is not After.END:
+            self._after = judgement.after
         return True

@@ -82,6 +82,8 @@ class Transcript:
     """Collects a dialogue. Program bytes that follow one another from the same end become one line."""
 
     def __init__(self, kept_lines: int = KEPT_LINES) -> None:
+        self.kept_lines = kept_lines
+        """0: nothing is written down, which is what a campaign of a million transfers wants."""
         self._lines: deque[str] = deque(maxlen=kept_lines)
         self._run: tuple[str, Nanos, int, bytes] | None = None
 

@@ -120,10 +120,11 @@ def inspect_tape(
     headers = HeaderReader()
     blocks = 0
 
-    def take(line: bytes) -> None:
+    def take(text: bytes) -> None:
         nonlocal blocks
-        blocks += line.endswith(b"\n")
-        headers.take(line)
+        blocks += text.count(b"\n")
+        for line in text.splitlines(keepends=True):
+            headers.take(line)
 
     _reading(path, lambda file: read_text(file.read, code, take, signs))
     failures = _tv_failures(path, TvCheck(code, comments=comments, signs=signs)) if comments is not None else ()

@@ -17,9 +17,12 @@ from tapewire.engine import (
     Resumed,
     Violation,
 )
+from tapewire.protocols.fanuc_a.host_outbox import Outbox
 from tapewire.protocols.fanuc_a.messages import Command, Message
 from tapewire.protocols.fanuc_a.packets import Kind, Monitor, MonitorCode, MonitorSum, Packet, encode_monitor
+from tapewire.protocols.fanuc_a.params import Params
 from tapewire.protocols.fanuc_a.status import BufferState
+from tapewire.protocols.settings import End
 from tests.protocols.fanuc_a.host_bench import PROGRAM, Bench, Trickle
 
 WAT, EOD, SET = Message(command=Command.WAT), Message(command=Command.EOD), Message(command=Command.SET)
@@ -311,9 +314,15 @@ class Test53:
     def test_bytes_low_is_what_can_no_longer_be_asked_for(self) -> None:
         bench = expansion()
         bench.streaming(limit=25 * bench.packet)
+        bench.monitor(Monitor.DC3)
         bench.host.abort(bench.now)
         bench.pull()
         assert (bench.ended.bytes_low, bench.ended.bytes_high) == (16 * 256, 25 * 256)
+        deaf = expansion()
+        deaf.streaming(limit=25 * deaf.packet)
+        deaf.host.abort(deaf.now)
+        deaf.pull()
+        assert deaf.ended.bytes_low == 0, "4.6 1): a control with an open-line error says nothing, and hears nothing"
         other = expansion()
         other.streaming(limit=5 * other.packet)
         other.host.receive_data(encode_monitor(Monitor.NAK, number=0x33), other.now)
@@ -446,3 +455,14 @@ def test_whatever_monitor_packets_say(script: list[tuple[bytes, int]]) -> None:
     for ended in bench.all(Ended):
         assert ended.outcome is not Outcome.COMPLETE
         assert ended.bytes_low <= ended.bytes_high <= len(PROGRAM)
+
+
+def test_the_rate_of_a_line_behind_a_fifo_is_measured_by_what_is_long() -> None:
+    """A FIFO of 128 characters swallows a SET at once; that is no line of a million characters a second."""
+    outbox = Outbox(Params.for_protocol_a({}, End.HOST).coding)
+    for count, taken in ((62, 62), (1950, 128), (1950, 128)):
+        outbox.put(b"x" * count)
+        outbox.hand_over(count, SECOND)
+        outbox.leave(taken, SECOND + 1)
+        outbox.leave(count - taken, SECOND + 1 + (count - taken) * SECOND // 436)
+    assert outbox.rate == pytest.approx(436 * 1950 / 1822, rel=0.01)

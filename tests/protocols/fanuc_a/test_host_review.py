@@ -20,6 +20,7 @@ from tapewire.protocols.fanuc_a.messages import (
     MessageReader,
     Unreadable,
 )
+from tapewire.protocols.fanuc_a.packets import Monitor
 from tapewire.protocols.fanuc_a.status import BufferState
 from tests.protocols.fanuc_a.host_bench import PROGRAM, Bench
 
@@ -158,6 +159,7 @@ class TestObstacle:
 def test_what_packets_of_one_job_have_proven_is_not_credited_to_the_next() -> None:
     bench = Bench(expansion=True, n="1")
     bench.streaming(limit=3500)
+    bench.monitor(Monitor.DC3)
     bench.host.abort(bench.now)
     bench.wait(1.5)
     assert bench.ended.bytes_low > 295

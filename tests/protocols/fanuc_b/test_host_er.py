@@ -57,6 +57,25 @@ def test_an_er_that_was_never_on_or_is_said_to_be_hidden_says_nothing() -> None:
     assert hidden.end is None
 
 
+def test_an_er_that_comes_on_in_the_middle_belongs_to_nobody_who_asked() -> None:
+    """A control line may be told a little late at the start; seconds later it is another start of the control."""
+    rig = Rig()
+    rig.see(dsr=False)
+    rig.hear(DC1)
+    rig.wait(SECOND // 20)
+    rig.see()
+    assert rig.end is None
+    late = Rig()
+    late.see(dsr=False)
+    late.hear(DC1)
+    late.take(100)
+    late.wait(SECOND)
+    late.see()
+    assert late.end is not None
+    assert late.end.outcome is Outcome.FAILED
+    assert not late.take(100)
+
+
 @pytest.mark.parametrize(("expansion", "first"), [(False, 7680), (True, 5632)])
 def test_blind_a_dc3_before_the_buffer_can_have_filled_ends_the_job(expansion: bool, first: int) -> None:
     """Without posting and ER it may be a reset, and the next DC1 a start: it must not get the middle."""

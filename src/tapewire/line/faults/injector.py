@@ -16,7 +16,7 @@ from tapewire.engine import LineFault, Nanos, SignalsIn
 from tapewire.line.faults.chance import SplitMix, Stream
 from tapewire.line.faults.characters import STOP_CODES, CharacterRule, Late, Passed, StopRule
 from tapewire.line.faults.damage import Parity, garbled, misreadings
-from tapewire.line.faults.log import FaultLog
+from tapewire.line.faults.log import FaultLog, Injected
 from tapewire.line.faults.plan import (
     At,
     BaudMismatch,
@@ -86,6 +86,7 @@ class Injector:
         """Characters that pass before the next one that may be hit."""
         self._moments: list[tuple[Nanos, int, Callable[[Nanos, bool], list[Came]]]] = []
         self._moments_made = 0
+        self._calm = False
 
     def add(self, fault: LinePlan, draws: Stream) -> None:
         """One more fault of the plan, with the stream it draws from."""
@@ -108,6 +109,15 @@ class Injector:
                 rule = CharacterRule(fault, draws, self._extent)
                 self._rules.append(rule)
                 self._schedule_arming(fault.when, rule, draws)
+        self._look_ahead()
+
+    def calm(self) -> None:
+        """Nothing more goes wrong; a line that is held and a cable that is pulled come back in their time."""
+        self._calm = True
+        self._rules.clear()
+        self._stops.clear()
+        self._misread = None
+        self._signals.calm()
         self._look_ahead()
 
     # moments
@@ -136,6 +146,8 @@ class Injector:
             return
 
         def happens(moment: Nanos, idle: bool) -> list[Came]:
+            if self._calm:
+                return []
             self._schedule(when, draws, act, moment)
             return act(moment, idle)
 
@@ -160,7 +172,7 @@ class Injector:
     def _out_of_nothing(self, kind: str, moment: Nanos, item: bytes | Fault) -> list[Came]:
         if self._pulled:
             return []
-        self.log.note(moment, kind, self.wire, 0)
+        self.log.note(moment, kind, self.wire, 0, b"", (item,))
         self.added += 1
         return [item]
 
@@ -228,6 +240,7 @@ class Injector:
         if self.passes(len(data)):
             return [(0, data)] if data else []
         if self._pulled:
+            self.log.tell(Injected(first, PullCable.kind, self.wire, self.seen + 1, data))
             self.seen += len(data)
             self.lost += len(data)
             return []
@@ -261,7 +274,7 @@ class Injector:
             rule.due = self.seen + 1
         if due:
             arrived = due[0].hit(byte, self._parity)
-            self.log.note(moment, due[0].fault.kind, self.wire, self.seen + 1)
+            self.log.note(moment, due[0].fault.kind, self.wire, self.seen + 1, bytes((byte,)), tuple(arrived))
             self._account(byte, arrived)
             self._look_ahead()
             passed += ((place, item) for item in arrived)
@@ -293,8 +306,8 @@ class Injector:
             read = self._misread[data[place]]
             if read != data[place : place + 1]:
                 self.damaged += 1
-                number = self.seen + place - start
-                self.log.note(first + (place - start) * step, BaudMismatch.kind, self.wire, number + 1)
+                moment, number = first + (place - start) * step, self.seen + place - start + 1
+                self.log.note(moment, BaudMismatch.kind, self.wire, number, data[place : place + 1], (read,))
             passed.append((place, read))
         return passed
 

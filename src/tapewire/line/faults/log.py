@@ -9,6 +9,7 @@ from typing import Final
 
 from tapewire.engine import Nanos
 from tapewire.line.faults.plan import Wire
+from tapewire.line.transport import Fault
 
 __all__ = ["FaultLog", "Injected"]
 
@@ -26,6 +27,10 @@ class Injected:
     kind: str
     wire: Wire
     place: int
+    sent: bytes = b""
+    """What it hit,"""
+    arrived: tuple[bytes | Fault, ...] = ()
+    """and what came of it."""
 
     def __str__(self) -> str:
         return f"{self.kind} {self.wire}" + (f", number {self.place}" if self.place else "")
@@ -40,9 +45,21 @@ class FaultLog:
     on_fault: Callable[[Injected], None] | None = None
     """Told of every fault as it happens."""
 
-    def note(self, moment: Nanos, kind: str, wire: Wire, place: int) -> None:
-        entry = Injected(moment, kind, wire, place)
+    def note(
+        self,
+        moment: Nanos,
+        kind: str,
+        wire: Wire,
+        place: int,
+        sent: bytes = b"",
+        arrived: tuple[bytes | Fault, ...] = (),
+    ) -> None:
+        entry = Injected(moment, kind, wire, place, sent, arrived)
         self.counts[kind] += 1
         self.entries.append(entry)
+        self.tell(entry)
+
+    def tell(self, entry: Injected) -> None:
+        """What follows from a fault that is noted already: characters in a pulled cable."""
         if self.on_fault is not None:
             self.on_fault(entry)

@@ -39,6 +39,10 @@ class SignalFaults:
         """A fault that hits edges."""
         self._rules.append(_OnEdges(fault, draws, skip(fault.when, draws, 1)))
 
+    def calm(self) -> None:
+        """No edge meets a fault any more."""
+        self._rules.clear()
+
     def drive(self, driven: SignalsIn) -> list[tuple[HoldSignal, bool, int]]:
         """The other end drives `driven`. Returns the faults that an edge of it meets, with the level and its number."""
         before, self._raw = self._raw, driven

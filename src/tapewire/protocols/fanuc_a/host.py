@@ -454,7 +454,9 @@ class FanucAHost(HostLine):
     def _say_wish(self, poll: Command) -> bool:
         """Answer a poll by what the application wants to have said, if it may be said here."""
         self._polled_by = poll
-        command = next((command for command in self._wishes if command in ANSWERS[poll]), None)
+        # Until SET has gone out every GTD gets WAT, and a control that goes on with GTD sends no further SAT.
+        first = frozenset() if self._agreement.settled else {Command.SDO, Command.CLB}
+        command = next((command for command in self._wishes if command in ANSWERS[poll] - first), None)
         if command is None:
             return False
         wish = self._wishes.pop(command)

@@ -16,6 +16,9 @@ _MEASURED_BYTES: Final = 20
 _HEADER: Final = 5
 """Sum and command stand before the data of a message."""
 
+_MUCH_LONGER: Final = 4
+"""Times as long as what the rate was measured by: then it is measured anew."""
+
 QUIET: Final[Nanos] = 50 * MILLISECOND
 """What has come, or what has been said, is over when nothing has followed for so long."""
 
@@ -46,6 +49,7 @@ class Outbox:
         self._begun_count = 0
         self.in_flight = 0
         self.left_at: Nanos | None = None
+        self._measured_count = 0
         self.rate = 0
         """Characters a second that this line has been seen to carry; 0 while unknown."""
 
@@ -138,7 +142,11 @@ class Outbox:
         self.left_at = now
         elapsed = now - self._begun_at
         if not self.in_flight and elapsed > 0 and self._begun_count >= _MEASURED_BYTES:
-            self.rate = max(self.rate, self._begun_count * SECOND // elapsed)
+            measured = self._begun_count * SECOND // elapsed
+            # What a FIFO or an adapter took at once counts as gone, so a short message says too much of the rate.
+            longer = self._begun_count >= _MUCH_LONGER * self._measured_count
+            self.rate = measured if longer else max(self.rate, measured)
+            self._measured_count = self._begun_count if longer else self._measured_count
 
     def call_back(self, count: int) -> None:
         """The last `count` characters handed over never leave."""

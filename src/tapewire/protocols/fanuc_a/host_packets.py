@@ -81,9 +81,17 @@ class PacketStream:
 
     @property
     def proven(self) -> int:
-        """Bytes of the program that can no longer be asked for, or that stand before a packet that was."""
+        """Bytes of the program that stand before a packet that was asked for, or could no longer be asked for when the
+        control last said DC3 or DC1. Silence proves nothing: after an open-line error a control hears no packets and
+        says so to nobody (4.6 1)).
+        """
+        return self._proven
+
+    def control_is_there(self) -> None:
+        """DC3, DC1: the control takes packets in, so what it can no longer ask for it has."""
         oldest = next(iter(self._kept.values()), None)
-        return max(self._proven, oldest.span.base if oldest is not None else 0)
+        if oldest is not None:
+            self._proven = max(self._proven, oldest.span.base)
 
     def give_up(self) -> None:
         """No more of the program is sent, new or again."""

@@ -208,8 +208,10 @@ class Streaming:
         stream.verdict_due = False
         match packet.monitor:
             case Monitor.DC3:
+                stream.control_is_there()
                 self._hold("DC3")
             case Monitor.DC1:
+                stream.control_is_there()
                 self._go_on("DC1")
             case Monitor.CAN:
                 self._timers.stop(Timer.KEEP_ALIVE)

@@ -60,7 +60,8 @@ from tapewire.protocols.settings import Switch
 
 __all__ = ["LAW", "FanucBHost", "State"]
 
-_TRANSFERRING: Final = frozenset({State.SENDING, State.HELD, State.DELIVERED, State.RECEIVING})
+_SENDING: Final = frozenset({State.SENDING, State.HELD, State.DELIVERED})
+_TRANSFERRING: Final = _SENDING | {State.RECEIVING}
 
 
 class FanucBHost:
@@ -93,8 +94,7 @@ class FanucBHost:
         """Arm a program; it starts with the next DC1. Raises UsageError while a job is under way."""
         self._begin_job(State.ARMED)
         self._source = source
-        self._ahead = b""
-        self._exhausted = False
+        self._ahead, self._exhausted = b"", False
 
     def receive(self, sink: Sink, now: Nanos) -> None:
         """Arm a reception; it starts with the next DC2. Raises UsageError while a job is under way."""
@@ -169,17 +169,19 @@ class FanucBHost:
             self._rs = signals.cts
             if self._state is State.SENDING:
                 self._events.put(Resumed(why="RS is ON again") if self._rs else Held(why="the control's RS is OFF"))
-        fell = self._er and not signals.dsr
+        fell, rose = self._er and not signals.dsr, signals.dsr and not self._er
         self._er = signals.dsr
         if self._params.er is ErLine.HIDDEN:
             return
-        self._sees_er = self._sees_er or signals.dsr
+        self._sees_er |= signals.dsr
         if fell and self._may_be_end_of_er:
             self._end(Outcome.COMPLETE, "the control has read the whole program and turned ER OFF", now)
         elif fell and self._state is State.AFTER_DC4:
             self._finish_reception(now)
         elif fell and self._state in _TRANSFERRING:
             self._end(Outcome.FAILED, "the control's ER fell: it was reset, has an alarm, or lost power", now)
+        elif rose and self._state in _SENDING and self._delivery.is_past_beginning(now):
+            self._end(Outcome.FAILED, "the control's ER came ON in the middle: what asked is not there any more", now)
 
     def receive_closed(self, closure: Closure, reason: str, now: Nanos) -> None:
         """The end of a TCP line counts as ER OFF."""
@@ -299,10 +301,10 @@ class FanucBHost:
                 if not self._sees_er:
                     self._events.put(Notice(text=RISK_BLIND if self._blind else RISK_POWER))
                 self._events.put(Started(why="DC1: from the first byte of the program"))
-                self._delivery.start()
+                self._delivery.start(now)
                 self._begin_sending(now)
             case State.HELD:
-                self._delivery.start()
+                self._delivery.start(now)
                 self._events.put(Resumed(why="DC1"))
                 self._begin_sending(now)
             case State.SENDING if self._delivery.sent and not self._er:
@@ -454,8 +456,7 @@ class FanucBHost:
         if self._state is not State.IDLE:
             raise UsageError(f"a job is under way ({self._state.value}); abort it or wait for its end")
         self._state = state
-        self._source = None
-        self._reception = None
+        self._source = self._reception = None
         self._delivery = Delivery(self._params.limits, stale=self._delivery.in_flight)
 
     def _fill(self, now: Nanos) -> None:

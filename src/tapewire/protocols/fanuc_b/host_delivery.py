@@ -22,9 +22,12 @@ class Delivery(delivery.Delivery):
         self._limits = limits
         self._at_dc1 = 0
         self._resumed = False
+        self._began: Nanos = 0
 
-    def start(self) -> None:
+    def start(self, now: Nanos) -> None:
         """The control sent the DC1 that starts, or resumes when something has been sent."""
+        if not self._at_dc1:
+            self._began = now
         self._resumed = self.sent > 0
         self._at_dc1 = self.sent
 
@@ -33,6 +36,10 @@ class Delivery(delivery.Delivery):
         """Enough has been sent since the last DC1 for a DC3 to be a stop (6.3)."""
         least = self._limits.next_stop if self._resumed else self._limits.first_stop
         return self.sent - self._at_dc1 >= least
+
+    def is_past_beginning(self, now: Nanos) -> bool:
+        """A control line that changes now is not the late one of the start."""
+        return now - self._began > delivery.HEARD_LATE
 
     def long_silent(self, now: Nanos) -> bool:
         """Nothing has left for so long that a DC3 heard now cannot be a stop."""

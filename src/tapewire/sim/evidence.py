@@ -1,0 +1,210 @@
+"""What was seen of one transfer, apart from what the engines say: the wires, the faults, the persons.
+
+The checkers judge by this and nothing else, so that an engine cannot talk its way out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
+
+from tapewire.engine import Nanos
+from tapewire.line.faults.log import Injected
+from tapewire.line.faults.plan import EndFault, Wire
+from tapewire.line.link import Link
+from tapewire.line.transport import Fault, LineItem
+
+__all__ = ["Attempt", "Damage", "Evidence", "Job", "Tap"]
+
+MOST_DAMAGES: Final = 2000
+"""More make everything possible, as a wrong baud rate does, and need not be kept apart."""
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """One stroke of a fault on a wire: `sent` went in, `arrived` came out. `place` counts characters from 1; 0 is what
+    came out of nothing.
+    """
+
+    moment: Nanos
+    kind: str
+    wire: Wire
+    place: int
+    sent: bytes
+    arrived: tuple[bytes | Fault, ...]
+
+    @property
+    def plain(self) -> bytes:
+        """What arrived without a mark."""
+        return b"".join(item for item in self.arrived if isinstance(item, bytes))
+
+    @property
+    def marked(self) -> bool:
+        """The receiver was told that something is wrong here."""
+        return any(isinstance(item, Fault) for item in self.arrived)
+
+    @property
+    def unseen(self) -> bool:
+        """Nothing tells the receiver of it, and what it reads is not what was sent."""
+        return not self.marked and self.plain != self.sent
+
+    @property
+    def name(self) -> str:
+        """How what the receiver reads differs."""
+        if not self.sent:
+            return "character out of nothing"
+        if not self.plain:
+            return "lost character"
+        return "doubled character" if len(self.plain) > len(self.sent) else "flip without parity"
+
+
+@dataclass(slots=True)
+class Tap:
+    """What one end handed over, less what was called back, and what it was brought, marks left out."""
+
+    sent: bytearray = field(default_factory=bytearray)
+    brought: bytearray = field(default_factory=bytearray)
+    stops: frozenset[int] = frozenset()
+    """Characters that stop this end, as it reads them,"""
+    goes: frozenset[int] = frozenset()
+    """and those that let it go on, or end what it was doing."""
+    after_stop: int = 0
+    """Characters handed over between one and the other."""
+    _stopped: bool = False
+
+    def listen(self, link: Link) -> None:
+        link.on_write = self._write if self.stops else self.sent.extend
+        link.on_recall = self._recalled
+        before = link.on_item
+        link.on_item = self._hear if before is None else _both(self._hear, before)
+
+    def _recalled(self, count: int) -> None:
+        if count:
+            del self.sent[-count:]
+
+    def _write(self, data: bytes) -> None:
+        self.sent += data
+        if self._stopped:
+            self.after_stop += len(data)
+
+    def _hear(self, item: LineItem, now: Nanos) -> None:
+        if isinstance(item, bytes):
+            self.brought += item
+            for byte in item if self.stops else b"":
+                self._stopped = byte in self.stops or (self._stopped and byte not in self.goes)
+        elif isinstance(item, Fault) and item.byte is not None:
+            self.brought.append(item.byte)
+
+
+def _both(
+    first: Callable[[LineItem, Nanos], None], second: Callable[[LineItem, Nanos], None]
+) -> Callable[[LineItem, Nanos], None]:
+    def hear(item: LineItem, now: Nanos) -> None:
+        first(item, now)
+        second(item, now)
+
+    return hear
+
+
+@dataclass(slots=True)
+class Attempt:
+    """One reading of a program by the control, or one punch-out, from its CYCLE START on."""
+
+    began: Nanos
+    armed: bool
+    """The host had something to give, or waited for what came."""
+    place: int
+    """Characters the host had sent before,"""
+    heard: int
+    """and the control."""
+    delivered: bytearray = field(default_factory=bytearray)
+    """What came out at the other end."""
+    got: int = 0
+    """The most of the program that was ever there: taken, or in the buffer."""
+
+
+@dataclass(slots=True)
+class Job:
+    """What the host was armed with, and what it said of it."""
+
+    began: Nanos
+    attempts_before: int
+    complete: bool | None = None
+    """None: it has not ended, or its process was killed."""
+    killed: bool = False
+    reason: str = ""
+    low: int = 0
+    high: int = 0
+    got_at_end: int = 0
+    delivered_at_end: int = 0
+    ended: Nanos = 0
+    stored: bytearray = field(default_factory=bytearray)
+    """What a reception has stored."""
+
+
+@dataclass(slots=True)
+class Evidence:
+    """Everything about one transfer."""
+
+    program: bytes
+    host: Tap = field(default_factory=Tap)
+    cnc: Tap = field(default_factory=Tap)
+    damages: list[Damage] = field(default_factory=list)
+    too_many: bool = False
+    """There were more damages than are kept."""
+    acts: list[tuple[Nanos, str]] = field(default_factory=list)
+    """What persons did, and what happened to the ends."""
+    attempts: list[Attempt] = field(default_factory=list)
+    jobs: list[Job] = field(default_factory=list)
+    last_disturbance: Nanos = 0
+    waiting_since: int | None = None
+    """How many acts came before that."""
+    waited: list[str] = field(default_factory=list)
+    """Who was still waiting when patience was over: the operator had to end it."""
+    stuck: list[str] = field(default_factory=list)
+    """Who did not end even then."""
+    broken: str = ""
+    """What an engine or the world raised."""
+    footprint: int = 0
+    """The most memory an engine held, bytes."""
+    overruns: list[tuple[Nanos, int, int]] = field(default_factory=list)
+    """Characters after a stop: when told, how many, how many are allowed."""
+
+    @property
+    def overruns_beyond(self) -> bool:
+        """More came after a stop than the control tolerates: it may then end the job."""
+        return any(count > allowed for _, count, allowed in self.overruns)
+
+    def note_fault(self, entry: Injected) -> None:
+        self.last_disturbance = max(self.last_disturbance, entry.moment)
+        if len(self.damages) >= MOST_DAMAGES:
+            self.too_many = True
+            return
+        self.damages.append(Damage(entry.moment, entry.kind, entry.wire, entry.place, entry.sent, entry.arrived))
+
+    def note_act(self, what: str, now: Nanos) -> None:
+        self.acts.append((now, what))
+        self.last_disturbance = max(self.last_disturbance, now)
+
+    def happened(self, *whats: str) -> bool:
+        return any(what in whats for _, what in self.acts)
+
+    def note_end_fault(self, fault: EndFault, now: Nanos) -> None:
+        self.note_act(f"{fault.kind}: {fault.end}", now)
+
+    def on(self, wire: Wire) -> list[Damage]:
+        """Damages of characters on `wire`."""
+        return [damage for damage in self.damages if damage.wire is wire and (damage.sent or damage.arrived)]
+
+    @property
+    def left_alone(self) -> bool:
+        """Nobody and nothing interfered with the first job but what happened to characters."""
+        job = self.jobs[0] if self.jobs else None
+        return job is not None and not any(moment <= job.ended or job.complete is None for moment, _ in self.acts)
+
+    def unseen(self, wire: Wire) -> list[Damage]:
+        return [damage for damage in self.on(wire) if damage.unseen]
+
+    def kinds(self, *kinds: str) -> bool:
+        return any(damage.kind.startswith(kinds) for damage in self.damages)

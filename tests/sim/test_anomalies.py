@@ -1,0 +1,136 @@
+"""Anomaly loops: the first, second, third ... character of a short dialogue goes wrong, then each edge of a control
+line, then each time the host wakes, until a run ends with nothing gone wrong any more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TypeAlias
+
+import pytest
+
+from tapewire.codes import DataCode
+from tapewire.engine import SECOND, Nanos
+from tapewire.line.faults.plan import (
+    DoubleCharacter,
+    FaultPlan,
+    FlipBits,
+    HoldSignal,
+    Level,
+    Lose,
+    Nth,
+    Signal,
+    Wire,
+)
+from tapewire.sim.checkers import judge
+from tapewire.sim.scenarios import Direction, Finish, Scenario
+from tapewire.sim.switches import Settings
+from tapewire.sim.trial import Trial
+
+Spoil: TypeAlias = Lose | FlipBits | DoubleCharacter
+
+_RARE_POLLS = {"Tp": "5", "Tw": "5"}
+"""Half a minute of waiting is then six exchanges."""
+
+OPERATIONS = {
+    "fanuc-a": ("fanuc-a", Direction.SEND, _RARE_POLLS, {}),
+    "fanuc-a-expansion": ("fanuc-a-expansion", Direction.SEND, {**_RARE_POLLS, "n": "1"}, {}),
+    "fanuc-b": ("fanuc-b", Direction.SEND, {}, {}),
+    "fanuc-b, punch-out": ("fanuc-b", Direction.RECEIVE, {}, {}),
+    "fanuc-b-expansion": ("fanuc-b-expansion", Direction.SEND, {"posting": "off"}, {"posting": "off"}),
+    "bridgeport, load": ("bridgeport", Direction.SEND, {}, {"mode": "L"}),
+    "bridgeport, link": ("bridgeport", Direction.SEND, {"ack_limit": "30"}, {"mode": "D"}),
+    "bridgeport, save": ("bridgeport", Direction.RECEIVE, {}, {}),
+}
+"""Protocol, direction, settings of the host and of the control."""
+
+STEPS = {"fanuc-a": 9, "fanuc-a-expansion": 13}
+"""Long handshakes; tests/protocols/fanuc_a/test_faults.py has each of their characters lost and flipped."""
+
+MOST = 2000
+"""No short dialogue has more of anything."""
+
+
+def scenario(name: str, parity: bool) -> Scenario:
+    protocol, direction, host, cnc = OPERATIONS[name]
+    return Scenario(
+        protocol=protocol,
+        preset="anomalies",
+        seed=1,
+        direction=direction,
+        size=60,
+        place=0,
+        baud=19200,
+        path="uart-16550",
+        has_signals=True,
+        parity=parity,
+        settings=Settings(host=host, cnc=cnc, data=DataCode.ASCII),
+        grain=16,
+        cnc_window=16,
+        window=None,
+        late=0,
+        source_pauses=0.0,
+        start=0,
+        blocks_per_second=None,
+        override=None,
+        acts=(),
+        finish=Finish.LEAVE,
+    )
+
+
+def complaints(trial: Trial, what: str) -> list[str]:
+    trial.run()
+    findings = judge(trial.scenario, trial.evidence)
+    return [f"{what}: {finding}" for finding in findings if not finding.undetectable]
+
+
+def until_nothing_goes_wrong(name: str, fault: type[Spoil], wire: Wire, parity: bool) -> Iterator[str]:
+    for number in range(1, MOST, STEPS.get(name, 1)):
+        plan = FaultPlan(name="one", why="an anomaly", faults=(fault(when=Nth(number), wire=wire),))
+        trial = Trial(scenario(name, parity), plan)
+        yield from complaints(trial, f"{name}: {fault.__name__} {number} {wire}")
+        if not trial.pair.line.log.counts:
+            heard = wire is Wire.FROM_HOST and OPERATIONS[name][1] is Direction.RECEIVE
+            assert number > 1 or heard, "nothing ever goes wrong"
+            return
+    raise AssertionError(f"{name} has no end")
+
+
+@pytest.mark.parametrize("wire", [Wire.FROM_HOST, Wire.FROM_CONTROL])
+@pytest.mark.parametrize("fault", [Lose, FlipBits, DoubleCharacter])
+@pytest.mark.parametrize("name", OPERATIONS)
+def test_every_character_goes_wrong_once(name: str, fault: type[Spoil], wire: Wire) -> None:
+    assert list(until_nothing_goes_wrong(name, fault, wire, parity=fault is not FlipBits)) == []
+
+
+@pytest.mark.parametrize("wire", [Wire.FROM_HOST, Wire.FROM_CONTROL])
+@pytest.mark.parametrize("signal", Signal)
+@pytest.mark.parametrize("name", OPERATIONS)
+def test_every_edge_of_a_control_line_is_held_once(name: str, signal: Signal, wire: Wire) -> None:
+    for number in range(1, 20):
+        hold = HoldSignal(when=Nth(number), signal=signal, level=Level.STAYS, wire=wire, span=3 * SECOND)
+        trial = Trial(scenario(name, parity=True), FaultPlan(name="one", why="an edge", faults=(hold,)))
+        assert complaints(trial, f"{name}: edge {number} of {signal} {wire}") == []
+        if not trial.pair.line.log.counts:
+            return
+    raise AssertionError(f"{name} has no end of edges")
+
+
+@pytest.mark.parametrize("name", OPERATIONS)
+def test_the_host_stalls_once_at_every_wake_up(name: str) -> None:
+    """Its timers are late, and what came meanwhile comes at once."""
+    clean = FaultPlan(name="none", why="nothing but a stall")
+    for number in range(1, MOST, STEPS.get(name, 1)):
+        trial = Trial(scenario(name, parity=True), clean)
+        side, wakes = trial.pair.host_side, 0
+
+        def late() -> Nanos:
+            nonlocal wakes
+            wakes += 1
+            return 3 * SECOND if wakes == number else 0  # noqa: B023
+
+        side.late = late
+        assert complaints(trial, f"{name}: stall at wake-up {number}") == []
+        if wakes < number:
+            return
+    raise AssertionError(f"{name} has no end of wake-ups")
