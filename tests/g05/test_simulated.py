@@ -159,3 +159,16 @@ def test_in_other_codes_too(code: str) -> None:
     assert binary(pair).records_executed == 100
     assert pair.host_end is not None
     assert pair.host_end.outcome is Outcome.COMPLETE
+
+
+def test_feed_hold_stops_the_axes_and_nothing_is_lost() -> None:
+    """9.3 note 4: the unit of time that was begun is finished after CYCLE START, and a hold is no interruption."""
+    world, pair = started("fanuc-b-expansion", program(section(SPECIAL, 2000)), "3,2ms")
+    world.run_until(lambda: binary(pair).records_executed == 700)
+    pair.control.feed_hold(world.now)
+    world.run_for(SECOND)
+    assert binary(pair).records_executed == 700
+    pair.control.go(world.now)
+    pair.step(world.now)
+    world.run_until(lambda: not binary(pair).active)
+    assert (binary(pair).records_executed, binary(pair).interruptions) == (2000, 0)

@@ -32,11 +32,8 @@ TANGENTIAL: Final = 0.5
 INWARDS: Final = 0.8
 """Two corners just outside of each other's span pull a quarter more than one: together they keep the tolerance."""
 
-BISECTIONS: Final = 10
-"""Halvings of the logarithm of a corner speed: of four powers of ten, to one percent."""
-
-SLOWEST: Final = 1e-4
-"""Of the speed asked for: no corner is slower, but where what looks at the result finds it too fast."""
+HALVINGS: Final = 6
+"""Of the logarithm of what is left between a speed that is slow enough and one that is not: to a few percent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,10 +93,10 @@ def corner_speeds(path: Path, bounds: Bounds, fastest: Floats, accelerations: Fl
         _Measure(at, changed, half, span),
         _Measure(at, _running(pulling), near, near),
     )
-    everywhere = np.arange(len(at))
-    too_fast = np.flatnonzero(~_within(measures, everywhere, limit))
+    around = _around(measures, np.arange(len(at)), limit)
+    too_fast = np.flatnonzero(limit * around > 1.0)
     if len(too_fast):
-        limit[too_fast] = _slowed(measures, too_fast, limit[too_fast])
+        limit[too_fast] = _slowed(measures, too_fast, limit[too_fast], around[too_fast])
     return limit
 
 
@@ -126,19 +123,21 @@ def _running(values: Floats) -> Floats:
     return np.concatenate([[0.0], np.cumsum(values)])
 
 
-def _within(measures: tuple[_Measure, ...], corners: NDArray[np.intp], speeds: Floats) -> NDArray[np.bool_]:
-    within = np.ones(len(corners), np.bool_)
-    for measure in measures:
-        within &= speeds * measure.around(corners, speeds) <= 1.0
-    return within
+def _around(measures: tuple[_Measure, ...], corners: NDArray[np.intp], speeds: Floats) -> Floats:
+    """The largest of the measures: a speed times it is at most 1 where all of them are kept."""
+    largest = measures[0].around(corners, speeds)
+    for measure in measures[1:]:
+        np.maximum(largest, measure.around(corners, speeds), out=largest)
+    return largest
 
 
-def _slowed(measures: tuple[_Measure, ...], corners: NDArray[np.intp], limit: Floats) -> Floats:
-    """The highest speeds that are within all measures, which grow with the speed."""
-    low, high = np.full(len(corners), np.log(SLOWEST)), np.zeros(len(corners))
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        within = _within(measures, corners, limit * np.exp(middle))
-        low, high = np.where(within, middle, low), np.where(within, high, middle)
-    slowed: Floats = limit * np.exp(low)
-    return slowed
+def _slowed(measures: tuple[_Measure, ...], corners: NDArray[np.intp], limit: Floats, around: Floats) -> Floats:
+    """The highest speeds that keep all measures. Those grow with the speed: 1 / (a measure at a higher one) is safe."""
+    high, low = limit, 1 / around
+    for _ in range(HALVINGS):
+        middle = np.sqrt(low * high)
+        around = _around(measures, corners, middle)
+        kept = middle * around <= 1.0
+        low = np.where(kept, middle, np.maximum(low, 1 / np.maximum(around, 1.0 / limit)))
+        high = np.where(kept, high, middle)
+    return low

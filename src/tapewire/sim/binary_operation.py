@@ -45,6 +45,8 @@ class BinaryOperation:
         self.due: Nanos | None = None
         """When the record being moved is done."""
         self._starving = False
+        self._rest: Nanos | None = None
+        """Of the unit of time in which the axes were held."""
         self._told = 0
         self._to_ascii = to_ascii
         self._modes = ModalWatch()
@@ -70,8 +72,19 @@ class BinaryOperation:
         self._modes = ModalWatch()
 
     def next_deadline(self) -> Nanos | None:
-        """When the next record is due, unless it is being waited for."""
+        """When the next record is due, unless it is being waited for, or the axes are held."""
         return self.due if self.active and not self._starving else None
+
+    def hold(self, now: Nanos) -> None:
+        """FEED HOLD, which is enabled (9.3 note 4): the rest of the unit of time waits for `go`."""
+        if self.due is not None:
+            self._rest = max(0, self.due - now)
+            self.due, self._starving = None, False
+
+    def go(self, now: Nanos) -> None:
+        """CYCLE START after a feed hold."""
+        if self._rest is not None:
+            self.due, self._rest = now + self._rest, None
 
     def step(self, records: bytearray, now: Nanos) -> bool:
         """Take the record whose time has come from the front of `records`; False when there is nothing to do yet."""
@@ -134,7 +147,7 @@ class BinaryOperation:
                 )
             )
             self._told = self.interruptions
-        self.active, self.due, self._starving = False, None, False
+        self.active, self.due, self._starving, self._rest = False, None, False, None
 
     def _stop(self, number: AlarmNumber, detail: str) -> None:
         self._leave()

@@ -127,6 +127,8 @@ class Control:
         if self.motion is Motion.RUNNING and self._block_done is not None:
             self._rest_of_block = max(0, self._block_done - now)
             self._block_done = None
+        if self.motion is Motion.RUNNING and self.binary is not None:
+            self.binary.hold(now)
         self.motion = Motion.HELD
 
     def go(self, now: Nanos) -> None:
@@ -134,6 +136,8 @@ class Control:
         if self._rest_of_block:
             self._block_done = now + self._rest_of_block
             self._rest_of_block = 0
+        if self.binary is not None:
+            self.binary.go(now)
         self.motion = Motion.RUNNING
 
     def reset(self, now: Nanos) -> None:
