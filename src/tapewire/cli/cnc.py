@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import random
 from contextlib import closing, nullcontext
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import click
 from tapewire.cli.common import Number, capture_of, line_options, run_job, settings_of
 from tapewire.cli.output import Output
 from tapewire.errors import UsageError
+from tapewire.line.faults.presets import preset
 from tapewire.protocols.bridgeport.messages import Mode
 from tapewire.protocols.settings import End
 from tapewire.transfer.control import ControlTask, Operation, run_control
@@ -47,6 +49,10 @@ _COUNT = click.IntRange(min=1)
 )
 @click.option("--reset-after", type=_COUNT, metavar="BYTES", help="Press RESET after so many bytes of program.")
 @click.option("--alarm-after", type=_COUNT, metavar="BYTES", help="Go to alarm after so many bytes of program.")
+@click.option("--faults", metavar="PRESET", help="Damage the line on purpose: worn-connector, late-xoff, …")
+@click.option(
+    "--fault-seed", type=click.IntRange(0, 2**64 - 1), help="Repeat the faults of another run; told at its start."
+)
 def cnc(
     line: str,
     protocol: str,
@@ -66,6 +72,8 @@ def cnc(
     blocks_per_second: float | None,
     reset_after: int | None,
     alarm_after: int | None,
+    faults: str | None,
+    fault_seed: int | None,
 ) -> int:
     """Be a simulated control on LINE for one operation, and exit."""
     if operation == Operation.PUNCH and save is not None:
@@ -89,6 +97,8 @@ def cnc(
         blocks_per_second=blocks_per_second,
         reset_after=reset_after,
         alarm_after=alarm_after,
+        faults=preset(faults) if faults is not None else None,
+        fault_seed=_seed(faults, fault_seed),
     )
 
     async def work(output: Output, stop: asyncio.Event) -> Result:
@@ -96,6 +106,14 @@ def cnc(
 
     with closing(task.punch) if task.punch is not None else nullcontext():
         return run_job(f"simulated control, {operation}", "of program taken, or punched out", as_json, work)
+
+
+def _seed(faults: str | None, seed: int | None) -> int:
+    if seed is None:
+        return random.randrange(1_000_000)
+    if faults is None:
+        raise UsageError("--fault-seed repeats the faults of a preset: it goes with --faults")
+    return seed
 
 
 def _program(file: str | None, operation: str, job: JobSettings, raw: bool) -> Program | None:

@@ -39,6 +39,8 @@ def made_on_a_line(plan: FaultPlan, end: LineEnd) -> tuple[FaultPlan, tuple[str,
     incoming = Wire.FROM_CONTROL if end is LineEnd.HOST else Wire.FROM_HOST
     made: list[PlannedFault] = []
     missing: list[str] = []
+    if plan.path is not None:
+        missing.append(f"the path {plan.path.name}: a real line has its own")
     for fault in plan.faults:
         match fault:
             case _ if isinstance(fault, EndFault):

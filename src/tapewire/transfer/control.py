@@ -7,12 +7,20 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Final
 
-from tapewire.engine import CncEngine, Nanos, Outcome
+from tapewire.engine import CncEngine, Nanos, Notice, Outcome
 from tapewire.errors import UsageError
+from tapewire.line.driver import monotonic
+from tapewire.line.faults.chance import derive
+from tapewire.line.faults.damage import Parity
+from tapewire.line.faults.injector import injectors
+from tapewire.line.faults.plan import FaultPlan, LineEnd
+from tapewire.line.faulty import FaultyTransport, made_on_a_line
 from tapewire.line.open import TtyAddress
+from tapewire.line.pacing import character_time
 from tapewire.line.transport import Transport
 from tapewire.sim.binary_operation import binary_operation
 from tapewire.sim.machine import Control
@@ -41,7 +49,8 @@ class ControlTask:
 
     `punch` is the program it punches; `save` where it stores what it took, and a control that takes nothing leaves
     that file as it is. `blocks_per_second` None means as fast as the program comes. After `reset_after` or
-    `alarm_after` bytes of program the operator presses RESET, or the control goes to alarm.
+    `alarm_after` bytes of program the operator presses RESET, or the control goes to alarm. `faults` happen on its
+    line, drawn from `fault_seed`: the same seed on the same dialogue gives the same faults.
     """
 
     operation: Operation = Operation.DNC
@@ -50,12 +59,18 @@ class ControlTask:
     blocks_per_second: float | None = None
     reset_after: int | None = None
     alarm_after: int | None = None
+    faults: FaultPlan | None = None
+    fault_seed: int = 0
 
     def __post_init__(self) -> None:
         if (self.operation is Operation.PUNCH) is not (self.punch is not None):
             raise UsageError("a control that punches needs the program to punch, and only then")
         if self.operation is Operation.PUNCH and self.save is not None:
             raise UsageError("a control that punches takes nothing that could be saved")
+        if self.faults is not None and self.faults.name != "clean":
+            made, missing = made_on_a_line(self.faults, LineEnd.CONTROL)
+            if not made.faults:
+                raise UsageError(f"nothing of {self.faults.name} can be made on a real line: {'; '.join(missing)}")
 
 
 class _Taken:
@@ -104,6 +119,23 @@ def _details(cnc: CncEngine, control: Control) -> dict[str, int]:
     return details
 
 
+def _faulty(plan: FaultPlan, seed: int, job: JobSettings, line: Transport) -> Transport:
+    """`line` as `plan` has it; each fault is told as it happens, and so is what no plan can do to a real line."""
+    made, missing = made_on_a_line(plan, LineEnd.CONTROL)
+
+    def tell(text: str) -> None:
+        job.observer(Notice(text=text), monotonic())
+
+    tell(f"faults on this line: {plan.name}, {plan.why}; repeat them with --fault-seed {seed}")
+    for what in missing:
+        tell(f"not made here: {what}")
+    character = character_time(job.baud)
+    parity = Parity.CHECKED if job.origin.framing[1] in "EO" else Parity.NONE
+    faults = injectors(made, partial(derive, seed), character=character, parity=parity)
+    faults.log.on_fault = lambda fault: tell(f"fault made: {fault}")
+    return FaultyTransport(line, faults, LineEnd.CONTROL, character=character)
+
+
 LINGER_S: Final = 1.0
 """After its end a control listens so long for the host to close, so that its last codes are not lost with the line."""
 
@@ -134,6 +166,7 @@ async def run_control(task: ControlTask, job: JobSettings) -> Result:
         paced_reception=True,
         linger_s=LINGER_S,
         details=lambda: _details(cnc, control),
+        between=partial(_faulty, task.faults, task.fault_seed, job) if task.faults is not None else None,
     )
 
     def begin(transport: Transport, now: Nanos) -> None:

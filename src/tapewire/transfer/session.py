@@ -105,7 +105,7 @@ class Session:
 
     `give_up(now)` is called when the job is to be ended from here. `tolerated` is what the other side takes after its
     stop request, `total` the size of the job where it is known. After the end the line is kept for `linger_s`, or
-    until the other side closes it.
+    until the other side closes it. `between` may put something between the line, captured as it is, and the engine.
     """
 
     def __init__(
@@ -121,6 +121,7 @@ class Session:
         paced_reception: bool = False,
         linger_s: float = 0.0,
         details: Callable[[], dict[str, int]] = dict,
+        between: Callable[[Transport], Transport] | None = None,
     ) -> None:
         self.job = job
         self.engine = engine
@@ -137,6 +138,7 @@ class Session:
         self._paced_reception = paced_reception
         self._linger_s = linger_s
         self._details = details
+        self._between = between
         self._window = default_window(job.baud, tolerated)
         self.meter = Meter(character_time(job.baud), self._window)
         self._began = monotonic()
@@ -161,6 +163,8 @@ class Session:
         if isinstance(line, Ended):
             return line
         transport = self._capture.tap(line)
+        if self._between is not None:
+            transport = self._between(transport)
         try:
             self.link = Link(
                 self.engine,
