@@ -25,7 +25,7 @@ MAIN_AND_OTHER: Final = {"1049h": "other", "1049l": "main"}
 
 
 class Screen:
-    """What a terminal makes of the little that a full-screen program of ours sends. Raises for what it does not know."""
+    """What a terminal makes of the little that a program of ours sends. Raises for what it does not know."""
 
     def __init__(self, columns: int, lines: int) -> None:
         self.columns, self.lines = columns, lines
@@ -63,7 +63,9 @@ class Screen:
     def _obey(self, found: re.Match[str]) -> None:
         private, numbers, verb = found[1], found[2], found[3]
         if private:
-            self.which = MAIN_AND_OTHER.get(numbers + verb, self.which)
+            if numbers + verb in MAIN_AND_OTHER:
+                self.which = MAIN_AND_OTHER[numbers + verb]
+                self._clear()
             self.cursor = {"25h": "shown", "25l": "hidden"}.get(numbers + verb, self.cursor)
             return
         match verb:
@@ -107,12 +109,10 @@ class Terminal:
         self._slave = slave
         kept = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES", "NO_COLOR")}
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "tapewire", *map(str, words)],
+            ["setsid", "--ctty", "--wait", sys.executable, "-m", "tapewire", *map(str, words)],
             stdin=slave,
             stdout=slave,
             stderr=slave,
-            start_new_session=True,
-            preexec_fn=_take_terminal,
             env={**kept, "TERM": "xterm-256color"},
         )
 
@@ -173,7 +173,3 @@ class Terminal:
             self.read()
         self.read()
         return self.process.returncode
-
-
-def _take_terminal() -> None:
-    fcntl.ioctl(0, termios.TIOCSCTTY, 0)

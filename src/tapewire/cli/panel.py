@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Final
+from typing import Any, Final
 
 import click
 from rich.console import Console, RenderableType
@@ -18,10 +18,11 @@ from tapewire.cli.common import COMPLETE, INTERRUPTED, NOT_COMPLETE, ignore_sign
 from tapewire.cli.panel_keys import keys_of
 from tapewire.cli.panel_view import HEIGHT, WIDTH, Leds, PanelState, SoftKey, picture
 from tapewire.codes import TABLES, DataCode
-from tapewire.engine import Nanos, SignalsIn
+from tapewire.engine import SignalsIn
 from tapewire.errors import UsageError
 from tapewire.fanuc.leds import STATUSES
 from tapewire.fanuc.memory import BUFFER_BYTES
+from tapewire.fanuc.parameters import ParameterSet
 from tapewire.line.driver import monotonic
 from tapewire.protocols.settings import Switch
 from tapewire.sim.machine import Motion
@@ -32,8 +33,9 @@ from tapewire.transfer.session import ABORT_LIMIT_S
 __all__ = ["refuse_terminal", "run_panel", "state_of"]
 
 DRAWN_EVERY_S: Final = 0.2
+LAST_DRAWN_S: Final = 1.0
 
-_LINE_NUMBERS: Final = (0, 20, 5000, 5071, 5072, 5073, 5074, 5081, 5082, 5083, 5084)
+_LINE_NUMBERS: Final = (5084, 5083, 5082, 5081, 5074, 5073, 5072, 5071, 5000, 0, 20)
 """Parameters of the communication, as far as the file has them."""
 
 _WORDS: Final = ("data", "code", "end", "posting", "echo", "mode", "program")
@@ -133,8 +135,14 @@ class _Screen:
         """Until it is cancelled. Raises OSError when the terminal is gone."""
         with Live(console=self._console, screen=True, auto_refresh=False) as live:
             while True:
-                state = state_of(self._control, monotonic(), time.strftime("%H:%M:%S"))
-                await asyncio.shield(asyncio.to_thread(self._show, live, state))
+                state = state_of(self._control, time.strftime("%H:%M:%S"))
+                showing = asyncio.ensure_future(asyncio.to_thread(self._show, live, state))
+                try:
+                    await asyncio.shield(showing)
+                except asyncio.CancelledError:
+                    # What is being drawn must not come after the screen has been put back.
+                    await asyncio.wait([showing], timeout=LAST_DRAWN_S)
+                    raise
                 await asyncio.sleep(DRAWN_EVERY_S)
 
     def _show(self, live: Live, state: PanelState) -> None:
@@ -144,7 +152,7 @@ class _Screen:
         return picture(state, *self._console.size)
 
 
-def state_of(control: OperatedControl, now: Nanos, clock: str) -> PanelState:
+def state_of(control: OperatedControl, clock: str) -> PanelState:
     """What the panel shows of `control`."""
     tape = control.tape
     machine = control.control
@@ -202,25 +210,29 @@ def _pointers(control: OperatedControl) -> str:
 
 
 def _line_of(control: OperatedControl) -> tuple[tuple[str, str], ...]:
-    job, link = control.job, control.link
-    if control.plug is Plug.OUT:
-        plug = "UNPLUGGED"
-    else:
-        plug = "open" if link is not None and not link.closed else "waiting for a host"
+    job, link, parameters = control.job, control.link, control.task.parameters
+    is_open = link is not None and not link.closed
+    plug = "UNPLUGGED" if control.plug is Plug.OUT else "open" if is_open else "waiting for a host"
     rows = [
         ("line", control.ready or str(job.line)),
         ("", plug),
         ("rate", f"{job.baud} baud, {job.origin.framing}"),
-        ("sees", _signals(link.signals_in if link is not None else None)),
+        ("sees", _signals(link.signals_in if link is not None and is_open else None)),
     ]
-    words = [(name, getattr(job.params, name, None)) for name in _WORDS]
-    told = ", ".join(f"{name}={getattr(value, 'value', value)}" for name, value in words if value not in (None, ""))
-    rows += [("set", told)] if told else []
-    parameters = control.task.parameters
-    if parameters is not None:
-        known = [f"{number:04d}={parameters.get(number)}" for number in _LINE_NUMBERS if number in parameters]
-        rows += [("No." if not at else "", "  ".join(known[at : at + 3])) for at in range(0, len(known), 3)]
+    name, told = ("set", _settings_of(job.params)) if parameters is None else ("No.", _numbers_of(parameters))
+    together = 2 if parameters is None else 3
+    for at in range(0, len(told), together):
+        rows.append(("" if at else name, "  ".join(told[at : at + together])))
     return tuple(rows)
+
+
+def _settings_of(params: Any) -> list[str]:
+    values = [(name, getattr(params, name, None)) for name in _WORDS]
+    return [f"{name}={getattr(value, 'value', value)}" for name, value in values if value not in (None, "")]
+
+
+def _numbers_of(parameters: ParameterSet) -> list[str]:
+    return [f"{number:04d}={parameters.get(number)}" for number in _LINE_NUMBERS if number in parameters]
 
 
 def _signals(signals: SignalsIn | None) -> str:

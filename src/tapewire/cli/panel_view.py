@@ -137,7 +137,7 @@ def _program(state: PanelState, lines: int) -> Panel:
         past = state.current is None or number < state.current
         rows.append(_row(("> " if under else "  ") + block, "reverse bold" if under else "dim" if past else ""))
     if not rows:
-        rows = [_row("no program: CYCLE START asks the host for one", "dim")]
+        rows = [_row("CYCLE START asks the host for one", "dim")]
     return _framed(Group(*rows), f"PROGRAM {printable(state.program)}".rstrip())
 
 
@@ -162,17 +162,17 @@ def _buffer(state: PanelState, width: int) -> Panel:
 def _lamps(leds: Leds) -> list[Text]:
     row = Text("LED ", no_wrap=True)
     for number, led in enumerate(leds.green, 1):
-        row.append(f"{number}").append(_LAMPS[led], "dim" if led is Led.OFF else "bold green").append(" ")
-    row.append(" red ")
+        row.append(f"{number} ").append(_LAMPS[led], "dim" if led is Led.OFF else "bold green").append("  ")
+    row.append("red ")
     for red in (Red.RESET, Red.L_BUS, Red.DRAM_PARITY):
-        row.append(f"{red.value}").append("●" if leds.red is red else "○", "bold red" if leds.red is red else "dim")
-        row.append(" ")
+        row.append(f"{red.value} ").append("●" if leds.red is red else "○", "bold red" if leds.red is red else "dim")
+        row.append("  ")
     return [row, _row(leds.meaning, "dim")]
 
 
 def _line(state: PanelState) -> Panel:
     table = Table.grid(padding=(0, 1))
-    table.add_column(no_wrap=True, style="dim")
+    table.add_column(no_wrap=True, style="dim", min_width=4)
     table.add_column(no_wrap=True, overflow="ellipsis")
     for name, value in state.line:
         table.add_row(_row(name), _row(value))
@@ -202,15 +202,11 @@ def _status(state: PanelState, width: int) -> Text:
     return row
 
 
-def _soft_keys(state: PanelState, width: int) -> Table:
-    """Two lines: the key, and what it does, as wide as the screen."""
-    table = Table.grid(expand=True)
-    labels, keys = [], []
-    cell = width // max(1, len(state.keys))
-    for soft in state.keys:
-        table.add_column(width=cell, no_wrap=True, justify="center")
-        keys.append(Text(f"[{soft.key}]", "bold cyan"))
-        labels.append(Text(soft.label, "bold black on yellow" if soft.lit else "reverse"))
-    table.add_row(*labels)
-    table.add_row(*keys)
-    return table
+def _soft_keys(state: PanelState, width: int) -> Text:
+    """Two lines: what each key does, and the key."""
+    labels, keys = Text(no_wrap=True), Text(no_wrap=True)
+    for number, soft in enumerate(state.keys, 1):
+        cell = width * number // len(state.keys) - len(labels)
+        labels.append(soft.label.center(cell - 1), "bold black on yellow" if soft.lit else "reverse").append(" ")
+        keys.append(f"[{soft.key}]".center(cell - 1), "bold cyan").append(" ")
+    return labels + Text("\n") + keys

@@ -31,9 +31,10 @@ from tapewire.engine import (
 )
 from tapewire.errors import LineError, UsageError
 from tapewire.fanuc.alarms import AlarmNumber, text_of
+from tapewire.fanuc.conversion import EobForm
 from tapewire.fanuc.memory import BufferImage
 from tapewire.fanuc.parameters import ParameterSet
-from tapewire.fanuc.program_memory import ProgramMemory, punch_form, tape_of
+from tapewire.fanuc.program_memory import ProgramMemory, PunchForm, punch_form, tape_of
 from tapewire.fanuc.punch import PunchReader
 from tapewire.line.driver import LineDriver, monotonic
 from tapewire.line.faults.plan import FaultPlan
@@ -235,13 +236,7 @@ class OperatedControl:
         plan = self.task.faults
         transport = line if plan is None else faulty(plan, self.task.fault_seed, self.job, line)
         try:
-            self.link = link = Link(
-                self.cnc,
-                transport,
-                application=self.control,
-                on_event=self._heard,
-                on_write=self._written,
-            )
+            link = self.attach(transport)
             self._driver = LineDriver(link)
             await self._driver.run(lambda: link.closed or (self._leaving and not self._communicating))
         finally:
@@ -250,6 +245,17 @@ class OperatedControl:
         self.link = None
         await self._driver.run(lambda: self.operation is None or bool(self.alarms) or self._leaving)
         self._power_on(self.job.params)
+
+    def attach(self, transport: Transport) -> Link:
+        """Put the control on a line that is open. Whoever steps the link runs the control."""
+        self.link = Link(
+            self.cnc,
+            transport,
+            application=self.control,
+            on_event=self._heard,
+            on_write=self._written,
+        )
+        return self.link
 
     def _wake(self) -> None:
         self._turned.set()
@@ -369,7 +375,9 @@ class OperatedControl:
             return self.task.punch
         if self.board is None:
             raise UsageError("there is nothing to punch: --file names a program")
-        return _Tape(tape_of(self.memory.text(), punch_form(self.task.parameters or ParameterSet())))
+        told = self.task.parameters
+        form = PunchForm(code=self.code, eob=EobForm.LF, feed=0) if told is None else punch_form(told)
+        return _Tape(tape_of(self.memory.text(), form))
 
     # what becomes of it
 
