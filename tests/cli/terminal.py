@@ -87,15 +87,20 @@ class Screen:
         if sign == "\r":
             self._x = 0
         elif sign == "\n":
-            if self._y + 1 == self.lines:
-                self._rows = [*self._rows[1:], [" "] * self.columns]
-            else:
-                self._y += 1
+            self._next_line()
         else:
             assert sign >= " ", f"a control character on the screen: {sign!r}"
-            if self._x < self.columns:
-                self._rows[self._y][self._x] = sign
+            if self._x == self.columns:
+                self._next_line()
+                self._x = 0
+            self._rows[self._y][self._x] = sign
             self._x += 1
+
+    def _next_line(self) -> None:
+        if self._y + 1 == self.lines:
+            self._rows = [*self._rows[1:], [" "] * self.columns]
+        else:
+            self._y += 1
 
 
 class Terminal:

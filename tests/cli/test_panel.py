@@ -104,6 +104,24 @@ def test_what_was_read_into_the_memory_is_punched(shop: Shop, protocol: str) -> 
         assert terminal.end() == 0
 
 
+def test_bridgeport_loads_and_links_on_one_panel(shop: Shop) -> None:
+    file, saved = shop.file("in.nc", program(9)), shop.folder / "saved"
+    words = ("--program", "1", "--save", saved, "--blocks-per-second", 100)
+    with panel(shop.folder, *words, protocol="bridgeport") as terminal:
+        for key, done in (("i", "read complete"), ("c", "dnc complete")):
+            terminal.wait_for("open")
+            sender = host(shop, "send", file, protocol="bridgeport")
+            sender.wait_for("ready")
+            terminal.press(key)
+            terminal.wait_for(done)
+            assert sender.finish().outcome == (0, "complete")
+        assert saved.stat().st_size > file.stat().st_size
+        terminal.press("p")
+        terminal.wait_for("--file names a program")
+        terminal.press("q")
+        assert terminal.end() == 0
+
+
 def test_quitting_in_the_middle_gives_up(shop: Shop) -> None:
     file = shop.file("in.nc", LONG)
     with panel(shop.folder) as terminal:
@@ -197,4 +215,4 @@ def test_a_line_that_cannot_be_opened_leaves_the_terminal_whole(tmp_path: Path) 
     with Terminal("cnc", "--line", tmp_path / "none", "--protocol", "fanuc-b", "--panel") as terminal:
         assert terminal.end() == 1
         assert restored(terminal)
-        assert "none" in terminal.screen.text
+        assert "/none" in terminal.screen.text.replace("\n", "")
