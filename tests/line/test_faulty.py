@@ -233,9 +233,10 @@ def test_every_preset_says_what_a_real_line_cannot_show(name: str, end: LineEnd)
     plan, missing = made_on_a_line(PRESETS[name], end)
     again, nothing = made_on_a_line(plan, end)
     assert (again, nothing) == (plan, ())
+    assert plan.path is None
     assert missing or plan == PRESETS[name]
     whole = {"clean", "doubtful-driver", "no-parity", "loose-dsr", "stuck-cts", "pulled-cable"}
-    assert (not missing) is (name in whole or (end is LineEnd.HOST and name in ("deep-usb-fifo", "late-xoff")))
+    assert (not missing) is (name in whole or (end is LineEnd.HOST and name == "late-xoff"))
 
 
 def test_what_cannot_be_made_is_named() -> None:

@@ -53,7 +53,7 @@ def made_on_a_line(plan: FaultPlan, end: LineEnd) -> tuple[FaultPlan, tuple[str,
                 missing.append(f"{fault.kind} {outgoing}: what this end sends cannot be damaged so")
             case _:
                 made.append(fault)
-    return replace(plan, faults=tuple(made)), tuple(dict.fromkeys(missing))
+    return replace(plan, faults=tuple(made), path=None), tuple(dict.fromkeys(missing))
 
 
 class _Ledger:

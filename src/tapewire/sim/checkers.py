@@ -50,6 +50,8 @@ Broken = tuple[str, str, str]
 def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterator[Broken]:
     if evidence.broken:
         yield "no engine breaks", evidence.broken, ""
+    if evidence.disagreement:
+        yield "both ends believe the same parameters", evidence.disagreement, excuses.told_wrongly()
     if evidence.footprint > FOOTPRINT_BYTES:
         yield "memory is bounded", f"{evidence.footprint:,} bytes", ""
     if evidence.host.after_stop:

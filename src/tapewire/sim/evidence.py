@@ -166,6 +166,8 @@ class Evidence:
     """Who did not end even then."""
     broken: str = ""
     """What an engine or the world raised."""
+    disagreement: str = ""
+    """What the ends believed differently when a job was complete."""
     footprint: int = 0
     """The most memory an engine held, bytes."""
     overruns: list[tuple[Nanos, int, int]] = field(default_factory=list)

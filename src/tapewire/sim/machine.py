@@ -81,6 +81,8 @@ class Control:
         self.binary = binary
         self._send_buffer = bytearray()
         self._block_done: Nanos | None = None
+        self._at_eob = 0
+        """1 while what is executed ends with an EOB; an EOR is no block."""
         self._rest_of_block: Nanos = 0
         self.single_block = single_block
         """The operator's switch."""
@@ -200,7 +202,7 @@ class Control:
         if self._block_done is not None:
             if self._block_done > now:
                 return False
-            self.blocks_executed += 1
+            self.blocks_executed += self._at_eob
             began, self._block_done = self._block_done, None
             if self._stops(now):
                 return True
@@ -242,6 +244,7 @@ class Control:
         if self.binary is not None:
             self.binary.sees(block)
         del self._send_buffer[:length]
+        self._at_eob = int(end >= 0)
         self._block_done = began + (self._block_time(block) if self._block_time is not None else 0)
         return True
 

@@ -15,6 +15,7 @@ from tapewire.line.faults.damage import Parity
 from tapewire.line.faults.plan import CutPower, EndFault, Extent, FaultPlan, LineEnd, RestartProcess, StepClock
 from tapewire.line.faults.when import next_moment
 from tapewire.line.paths import PATHS
+from tapewire.sim.beliefs import disagreement
 from tapewire.sim.evidence import Attempt, Evidence, Job
 from tapewire.sim.execution import BlockTime, Speeds
 from tapewire.sim.machine import Control
@@ -164,6 +165,8 @@ class Trial:
             self._step(now)
             job.complete = event.outcome is Outcome.COMPLETE
             job.low, job.high, job.reason, job.ended = event.bytes_low, event.bytes_high, event.reason, now
+            if job.complete:
+                self.evidence.disagreement = disagreement(self.pair.host, self.pair.cnc)
             attempts = self.evidence.attempts[job.attempts_before :]
             if attempts:
                 job.got_at_end = max(attempt.got for attempt in attempts)
@@ -240,6 +243,8 @@ class Trial:
     def _is_over(self) -> bool:
         """Both are at rest, or one of them is, and the other waits for somebody who does not come."""
         job = self._job
+        if job is not None and self._busy:
+            return False
         if job is None and not self._busy:
             return True
         quiet_since = max(self.scenario.start, self.evidence.last_disturbance, self._last_act, self._host_over_at)

@@ -147,9 +147,9 @@ class Excuses:
             return "a control whose loss of power nothing shows"
         if self._scenario.protocol == "bridgeport" and self._codes_hit(Wire.FROM_CONTROL, _BRIDGEPORT_NAME):
             return "a program name that came otherwise"
-        return self._told_wrongly()
+        return self.told_wrongly()
 
-    def _told_wrongly(self) -> str:
+    def told_wrongly(self) -> str:
         """What the control said of itself came otherwise."""
         if self._is_b and self._codes_hit(Wire.FROM_CONTROL, _FANUC_B_CODES):
             return "a control code lost or forged"
@@ -175,7 +175,7 @@ class Excuses:
                 return lost
         if self._evidence.kinds("late stop"):
             return "a word of the control that is heard later than 100 ms"
-        return self._told_wrongly()
+        return self.told_wrongly()
 
     def more(self, attempts: list[Attempt]) -> str:
         """More characters are with the control than were handed over."""

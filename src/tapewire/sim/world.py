@@ -181,12 +181,12 @@ class World:
 
     def advance(self, done: Callable[[], object], until: Nanos) -> bool:
         """Run until `done()`, or to the moment `until`; whether it is done. A quiet world jumps there."""
-        touched = True
-        while not done():
+        touched, is_done = True, done()
+        while not is_done:
             deadline = self._settle(touched=touched)
-            touched = False
-            if done():
-                return True
+            touched, is_done = False, done()
+            if is_done:
+                break
             if deadline is None or deadline > until:
                 self.now = max(self.now, until)
                 return False

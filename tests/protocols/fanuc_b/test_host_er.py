@@ -8,14 +8,19 @@ import pytest
 
 from tapewire.engine import (
     SECOND,
+    Ended,
     Held,
     LineFault,
     Notice,
     Outcome,
     Requested,
+    SignalsIn,
     Started,
     Violation,
 )
+from tapewire.protocols.fanuc_b.host import FanucBHost
+from tapewire.protocols.fanuc_b.messages import Params
+from tapewire.protocols.settings import End
 from tests.protocols.fanuc_b.host_rig import DC1, DC3, DC3_ISO, PROGRAM, Rig
 
 
@@ -55,6 +60,24 @@ def test_an_er_that_was_never_on_or_is_said_to_be_hidden_says_nothing() -> None:
     hidden.hear(DC1)
     hidden.see(dsr=False)
     assert hidden.end is None
+
+
+@pytest.mark.parametrize("dc4", [True, False])
+def test_an_er_that_falls_with_the_dc4_waits_for_it(dc4: bool) -> None:
+    """6.1.1 2), 6.4 (1): a control line is seen at once, and the DC4 may still be in a receive FIFO."""
+    host = FanucBHost(Params.for_protocol_b({"posting": "off"}, End.HOST))
+    host.receive(BytesIO(), 0)
+    host.receive_signals(SignalsIn(), 0)
+    host.receive_data(b"\x12%\nO1\n%", SECOND)
+    host.receive_signals(SignalsIn(dsr=False), SECOND)
+    if dc4:
+        host.receive_data(b"\x14", SECOND + 5_000_000)
+    host.handle_timer(2 * SECOND)
+    host.data_discarded(0, 2 * SECOND)
+    ends = []
+    while (event := host.next_event()) is not None:
+        ends += [event] if isinstance(event, Ended) else []
+    assert [end.outcome for end in ends] == [Outcome.COMPLETE if dc4 else Outcome.FAILED]
 
 
 def test_an_er_that_comes_on_in_the_middle_belongs_to_nobody_who_asked() -> None:

@@ -40,9 +40,10 @@ from tapewire.engine import (
     Violation,
 )
 from tapewire.errors import UsageError
-from tapewire.protocols.fanuc_b.host_delivery import Delivery
+from tapewire.protocols.fanuc_b.host_delivery import HEARD_LATE, Delivery
 from tapewire.protocols.fanuc_b.host_law import (
     DAMAGED_WAIT,
+    ER_FELL,
     FEED,
     LAW,
     LEAVING,
@@ -61,7 +62,6 @@ from tapewire.protocols.settings import Switch
 __all__ = ["LAW", "FanucBHost", "State"]
 
 _SENDING: Final = frozenset({State.SENDING, State.HELD, State.DELIVERED})
-_TRANSFERRING: Final = _SENDING | {State.RECEIVING}
 
 
 class FanucBHost:
@@ -78,13 +78,11 @@ class FanucBHost:
         self._events = Events()
         self._rs = True
         self._er = self._sees_er = self._has_signals = False
-        self._held_by_damage = False
-        self._recall = False
+        self._held_by_damage = self._recall = self._pause_wanted = self._pause_told = False
         self._delivery = Delivery(params.limits)
         self._source: Source | None = None
         self._ahead, self._exhausted = b"", False
         self._reception: Reception | None = None
-        self._pause_wanted = self._pause_told = False
         self._ending: tuple[Outcome, str] | None = None
         self._certain = 0
 
@@ -93,8 +91,7 @@ class FanucBHost:
     def start(self, source: Source, now: Nanos) -> None:
         """Arm a program; it starts with the next DC1. Raises UsageError while a job is under way."""
         self._begin_job(State.ARMED)
-        self._source = source
-        self._ahead, self._exhausted = b"", False
+        self._source, self._ahead, self._exhausted = source, b"", False
 
     def receive(self, sink: Sink, now: Nanos) -> None:
         """Arm a reception; it starts with the next DC2. Raises UsageError while a job is under way."""
@@ -178,8 +175,10 @@ class FanucBHost:
             self._end(Outcome.COMPLETE, "the control has read the whole program and turned ER OFF", now)
         elif fell and self._state is State.AFTER_DC4:
             self._finish_reception(now)
-        elif fell and self._state in _TRANSFERRING:
-            self._end(Outcome.FAILED, "the control's ER fell: it was reset, has an alarm, or lost power", now)
+        elif fell and self._state in _SENDING:
+            self._end(Outcome.FAILED, ER_FELL, now)
+        elif fell and self._state is State.RECEIVING:
+            self._timers.start(Timer.ER_FELL, now + HEARD_LATE)
         elif rose and self._state in _SENDING and self._delivery.is_past_beginning(now):
             self._end(Outcome.FAILED, "the control's ER came ON in the middle: what asked is not there any more", now)
 
@@ -253,6 +252,8 @@ class FanucBHost:
                     self._end(Outcome.FAILED, "a damaged character came from the control and nothing after it", now)
                 case Timer.EARLY_STOP:
                     self._end(Outcome.FAILED, f"a DC3 that cannot have been a stop: {LOOKS_LIKE_RESET}", now)
+                case Timer.ER_FELL:
+                    self._end(Outcome.FAILED, ER_FELL, now)
                 case Timer.LEAVING:
                     self._finish()
 
@@ -285,6 +286,7 @@ class FanucBHost:
                 self._on_dc3(now)
             case ControlCode.DC4:
                 self._state = State.AFTER_DC4
+                self._timers.stop(Timer.ER_FELL)
                 self._listen_for_notice(now)
             case ControlCode.NAK | ControlCode.SYN:
                 self._on_notice(code, now)
@@ -467,8 +469,7 @@ class FanucBHost:
             if data is None:
                 self._timers.start(Timer.SOURCE, now + SOURCE_POLL)
                 return
-            self._ahead = data
-            self._exhausted = not data
+            self._ahead, self._exhausted = data, not data
         if self._exhausted and not self._ahead and self._state is State.SENDING:
             self._state = State.DELIVERED
 
@@ -489,12 +490,11 @@ class FanucBHost:
     def _finish(self) -> None:
         assert self._ending is not None
         outcome, reason = self._ending
-        self._ending = None
+        self._ending = self._source = None
         self._timers.stop_all()
         self._recall = False
         self._state = State.IDLE
         low = high = self.progress
         if self._reception is None and outcome is not Outcome.COMPLETE:
             low = max(0, min(self._certain, high - self._delivery.in_flight))
-        self._source = None
         self._events.put(Ended(outcome=outcome, reason=reason, bytes_low=low, bytes_high=high))

@@ -6,9 +6,10 @@ from typing import Final
 
 from tapewire.engine import SECOND, Nanos
 from tapewire.protocols import delivery
+from tapewire.protocols.delivery import HEARD_LATE
 from tapewire.protocols.fanuc_b.messages import Limits
 
-__all__ = ["Delivery"]
+__all__ = ["HEARD_LATE", "Delivery"]
 
 LEVEL_DELAY: Final[Nanos] = SECOND
 """A DC3 that stops us is drawn by a character that comes in: so long after the last one it can only be the end."""
@@ -39,7 +40,7 @@ class Delivery(delivery.Delivery):
 
     def is_past_beginning(self, now: Nanos) -> bool:
         """A control line that changes now is not the late one of the start."""
-        return now - self._began > delivery.HEARD_LATE
+        return now - self._began > HEARD_LATE
 
     def long_silent(self, now: Nanos) -> bool:
         """Nothing has left for so long that a DC3 heard now cannot be a stop."""

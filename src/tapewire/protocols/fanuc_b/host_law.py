@@ -13,6 +13,7 @@ from tapewire.protocols.fanuc_b.messages import ControlCode
 
 __all__ = [
     "DAMAGED_WAIT",
+    "ER_FELL",
     "FEED",
     "LAW",
     "LEAVING",
@@ -56,6 +57,8 @@ class Timer(Enum):
     SOURCE = "source poll"
     LEAVING = "leaving"
     DAMAGED = "damaged wait"
+    ER_FELL = "ER fell"
+    """A control line is seen at once, and the DC4 before it may still be in a receive FIFO."""
     EARLY_STOP = "early stop"
 
 
@@ -100,6 +103,8 @@ LAW: Final[dict[tuple[State, ControlCode], frozenset[State]]] = {
     },
 }
 """What each code may do in each state (6.1, 6.4). A pair without a row is a Violation and changes nothing."""
+
+ER_FELL: Final = "the control's ER fell: it was reset, has an alarm, or lost power"
 
 LOOKS_LIKE_RESET: Final = (
     "the control was reset or has an alarm, and its next DC1 would be a start, not a resume; RESET the control and "

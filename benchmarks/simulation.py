@@ -1,0 +1,106 @@
+"""How fast simulated time goes by: seconds of line for a second of computer, transfers a second, and what bounds them.
+
+    python -m benchmarks.simulation
+
+Processor time is counted, not time on the wall: a machine that does other work beside says the same.
+"""
+
+from __future__ import annotations
+
+import cProfile
+import pstats
+import time
+from collections.abc import Callable
+from io import BytesIO
+
+from benchmarks.report import table, write_section
+from tapewire.codes import DataCode
+from tapewire.engine import SECOND
+from tapewire.protocols import PROTOCOLS
+from tapewire.sim.campaign import Totals, cases, run_case
+from tapewire.sim.programs import program
+from tapewire.sim.world import Pair, World
+
+GOAL_SATURATED, GOAL_EXECUTING = 1_000, 20_000
+SATURATED_BYTES = 600 * 1024
+EXECUTED_BYTES = 200 * 1024
+SEEDS = 2
+
+ABOUT = """\
+A line of expansion protocol B at 86400 baud, saturated, by what its receiver tells at once (a FIFO of 16, of 128, a
+control that looks every 2000 characters), then with a control that executes 5 blocks a second. Seconds of simulated
+time for a second of processor time, no transcript kept. The goals were {saturated:,} for the saturated line and
+{executing:,} for the executing control; neither is reached.
+
+"""
+
+
+def line(size: int, **machine: object) -> tuple[World, Pair, Callable[[], None]]:
+    world = World(kept_lines=0)
+    pair = world.pair("fanuc-b-expansion", baud=86400, binary=None, **machine)  # type: ignore[arg-type]
+    part = program(64 * 1024, 0, DataCode.ASCII)
+    head, body = part[:2], part[2:-1]
+    text = head + body * -(-size // len(body)) + b"%"
+
+    def run() -> None:
+        pair.host.start(BytesIO(text), world.now)
+        pair.control.cycle_start(world.now)
+        world.run_until(lambda: pair.host_end is not None and pair.cnc_end is not None)
+        assert pair.program.getvalue() == text
+
+    return world, pair, run
+
+
+def simulated_seconds(size: int, **machine: object) -> float:
+    """For one second of processor time."""
+    world, _, run = line(size, **machine)
+    began = time.process_time()
+    run()
+    return world.now / SECOND / (time.process_time() - began)
+
+
+def transfers(protocol: str) -> tuple[float, float]:
+    """Transfers of a campaign, and simulated hours, for one second of one processor."""
+    totals = Totals()
+    began = time.process_time()
+    for case in cases(protocol, "all", 1, SEEDS):
+        totals.add(run_case(case))
+    seconds = time.process_time() - began
+    return totals.transfers / seconds, totals.simulated / SECOND / 3600 / seconds
+
+
+def profile() -> list[list[str]]:
+    """The share of the functions that take the most, of the saturated line."""
+    _, _, run = line(SATURATED_BYTES // 4, grain=128, window=216)
+    profiler = cProfile.Profile()
+    profiler.runcall(run)
+    stats = pstats.Stats(profiler)
+    total = stats.total_tt  # type: ignore[attr-defined]
+    entries = sorted(stats.stats.items(), key=lambda entry: -entry[1][2])[:8]  # type: ignore[attr-defined]
+    return [[f"`{name[2]}` ({name[0].rsplit('/', 1)[-1]})", f"{own[2] / total:.0%}"] for name, own in entries]
+
+
+def main() -> None:
+    speeds = [
+        ["saturated, FIFO of 16", f"{simulated_seconds(SATURATED_BYTES, grain=16):,.0f}"],
+        ["saturated, FIFO of 128", f"{simulated_seconds(SATURATED_BYTES, grain=128):,.0f}"],
+        ["saturated, looked at every 2000", f"{simulated_seconds(SATURATED_BYTES, grain=2000, window=1200):,.0f}"],
+        [
+            "5 blocks a second, FIFO of 128",
+            f"{simulated_seconds(EXECUTED_BYTES, grain=128, blocks_per_second=5.0):,.0f}",
+        ],
+    ]
+    rates = [[name, *(f"{figure:.1f}" for figure in transfers(name))] for name in PROTOCOLS]
+    text = (
+        ABOUT.format(saturated=GOAL_SATURATED, executing=GOAL_EXECUTING)
+        + table(["line", "simulated seconds a second"], speeds)
+        + "\n\nTransfers of a campaign (all presets, sizes as drawn) for one processor:\n\n"
+        + table(["protocol", "transfers a second", "simulated hours a second"], rates)
+        + "\n\nWhat bounds the saturated line: one step of an end for each piece that its FIFO tells, and a step is "
+        "some thirty calls of which none stands out.\n\n"
+    )
+    write_section("simulation", "Speed of the simulated world", text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,91 @@
+"""The judges themselves: what they see, what they excuse, and what they do not."""
+
+from __future__ import annotations
+
+import dataclasses
+from io import BytesIO
+
+import pytest
+
+from tapewire.engine import LineFault
+from tapewire.line.faults.plan import Wire
+from tapewire.line.transport import Fault
+from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, encode_record
+from tapewire.protocols.fanuc_a.packets import encode_packet
+from tapewire.sim.beliefs import disagreement
+from tapewire.sim.evidence import Damage, Tap
+from tapewire.sim.frames import cancelled_sums, forged_records
+from tapewire.sim.undetectable import first_difference
+from tapewire.sim.world import World
+
+GTD, SYN = b"ECGTD\r", b"07SYN\r"
+
+
+def damage(sent: bytes, *arrived: bytes | Fault) -> Damage:
+    return Damage(0, "for the test", Wire.FROM_HOST, 1, sent, arrived)
+
+
+@pytest.mark.parametrize(
+    ("seen", "name", "unseen"),
+    [
+        (damage(b"A", b"C"), "flip without parity", True),
+        (damage(b"A"), "lost character", True),
+        (damage(b"A", b"AA"), "doubled character", True),
+        (damage(b"", b"A"), "character out of nothing", True),
+        (damage(b"A", Fault(fault=LineFault.PARITY, byte=0x43)), "lost character", False),
+        (damage(b"A", b"A", Fault(fault=LineFault.BREAK)), "flip without parity", False),
+    ],
+)
+def test_a_damage_is_unseen_when_nothing_marks_it(seen: Damage, name: str, unseen: bool) -> None:
+    assert seen.unseen is unseen
+    assert not unseen or seen.name == name
+
+
+def test_a_sum_that_cancels_is_found_and_a_wrong_one_is_not() -> None:
+    assert not cancelled_sums(GTD + SYN, GTD + SYN, 0)
+    assert not cancelled_sums(GTD, b"ECGTE\r", 0), "one bit more: the sum is wrong"
+    assert cancelled_sums(GTD, b"ECGUC\r", 0), "one up, one down: the sum is right"
+
+
+def test_a_packet_whose_sum_cancels_is_found_and_a_wrong_one_is_not() -> None:
+    packet = encode_packet(0x30, b"N1 X1.\n".ljust(256), 1)
+    assert not cancelled_sums(packet, packet, 1)
+    assert not cancelled_sums(packet, packet.replace(b"X1", b"X3"), 1)
+    assert cancelled_sums(packet, packet.replace(b"N1 X1", b"N2 X0"), 1)
+
+
+@pytest.mark.parametrize("lrc", list(LRC_CANDIDATES))
+def test_a_record_whose_check_cancels_is_found_and_a_wrong_one_is_not(lrc: str) -> None:
+    record = encode_record(b"N10X1\r\n", 0x17, next(each for each in LRC_CANDIDATES if each == lrc))
+    assert not forged_records(record, record, lrc)
+    assert not forged_records(record, record.replace(b"X1", b"X3"), lrc)
+    by_sum = not lrc.startswith("xor")
+    twice = record.replace(b"10X1", b"20X0") if by_sum else record.replace(b"10X1", b"30X3")
+    assert forged_records(record, twice, lrc)
+
+
+@pytest.mark.parametrize(("got", "where"), [(b"", None), (b"AB", None), (b"AX", 1), (b"ABCD", 3)])
+def test_where_what_came_is_no_beginning_any_more(got: bytes, where: int | None) -> None:
+    assert first_difference(got, b"ABC") == where
+
+
+def test_ends_that_believe_different_parameters_are_found() -> None:
+    world = World()
+    pair = world.pair("fanuc-a", binary=None)
+    pair.host.start(BytesIO(b"%\nO1\nM30\n%"), world.now)
+    pair.control.cycle_start(world.now)
+    world.run_until(lambda: pair.host_end is not None)
+    assert disagreement(pair.host, pair.cnc) == ""
+    dialogue = pair.cnc._line  # type: ignore[attr-defined]
+    dialogue.parameters = dataclasses.replace(dialogue.parameters, no=77)
+    assert "77" in disagreement(pair.host, pair.cnc)
+
+
+def test_what_is_handed_over_after_a_stop_is_counted_until_it_may_go_on() -> None:
+    tap = Tap(stops=frozenset(b"\x13"), goes=frozenset(b"\x11"))
+    tap._write(b"before")
+    tap._hear(b"\x13", 0)
+    tap._write(b"ab")
+    tap._hear(b"\x11", 0)
+    tap._write(b"after")
+    assert (tap.after_stop, bytes(tap.sent)) == (2, b"beforeabafter")
