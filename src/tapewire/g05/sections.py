@@ -49,7 +49,10 @@ def find_g05(text: bytes, start: int = 0) -> int | None:
 def g05_block(text: bytes, start: int = 0) -> tuple[int, int] | None:
     """(offset of the G, offset behind the EOB, if it has one) of the first block of ASCII text that is G05 alone."""
     for match in _END.finditer(text, start):
-        before = text[text.rfind(b"\n", 0, match.start()) + 1 : match.start()]
+        begin = text.rfind(b"\n", 0, match.start()) + 1
+        if match.end() - begin > LONGEST_BLOCK:
+            continue
+        before = text[begin : match.start()]
         if _BEGINNING.fullmatch(_COMMENT.sub(b"", before).translate(None, _BLANKS)):
             return match.start(), match.end()
     return None
