@@ -176,7 +176,8 @@ def test_4_2_1_what_may_have_been_the_answer_to_a_record_is_told_with_what_to_do
     assert rig.host.state is State.WAIT_ACK
     rig.host.receive_line_fault(LineFault.PARITY, 0x86, rig.now)
     rig.settle()
-    [notice] = [event.text for event in rig.of(Notice) if "answer to a record" in event.text]
+    texts = [event.text for event in rig.events if isinstance(event, Notice)]
+    [notice] = [text for text in texts if "answer to a record" in text]
     assert notice.endswith("cancel at the control and ask again")
     assert rig.say(ACK), "and the answer, if it comes after all, is obeyed"
 
