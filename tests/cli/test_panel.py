@@ -195,12 +195,11 @@ def test_another_size_is_drawn_in_it(tmp_path: Path) -> None:
     with panel(tmp_path) as terminal:
         terminal.wait_for("open")
         terminal.resize(120, 40)
-        text = terminal.wait(lambda text: "[Q]" in text and len(text.splitlines()[0]) > 110)
-        assert len(text.splitlines()) == 40
+        terminal.wait(lambda text: "[Q]" in text.split("\n")[39] and len(text.split("\n")[0]) > 110)
         terminal.resize(60, 20)
         terminal.wait_for("60x20 is too small")
         terminal.resize(80, 24)
-        terminal.wait_for("[Q]")
+        terminal.wait(lambda text: "[Q]" in text.split("\n")[23])
         terminal.press("q")
         assert terminal.end() == 1
 
