@@ -1,5 +1,5 @@
 """Draws docs/images/demo.svg: what `tapewire demo` shows, half a minute in; and docs/images/capture.svg, which is what
-`tapewire decode` makes of a capture.
+`tapewire decode` makes of a capture; and the panels of `tapewire cnc --panel`.
 
 The figures are those of the same job in the simulated world, so the picture is the same whenever it is drawn.
 """
@@ -7,13 +7,13 @@ The figures are those of the same job in the simulated world, so the picture is 
 from __future__ import annotations
 
 import io
-import re
 from pathlib import Path
 from typing import Final
 
 from rich.console import Console
 
-from docs.generators import captures
+from docs.generators import captures, panel
+from docs.generators.markup import without_fonts
 from tapewire.cli.demo_view import DemoView
 from tapewire.engine import SECOND, AfterStop, Event, Held, Nanos, Resumed
 from tapewire.line.pacing import character_time, default_window
@@ -45,6 +45,8 @@ def main() -> None:
     view.observe_cnc(cnc_progress(pair), world.now)
     PICTURE.write_text(svg(view))
     captures.PICTURE.write_text(captures.picture())
+    for path, draw in panel.PICTURES.items():
+        path.write_text(draw())
 
 
 def watch(pair: Pair, view: DemoView) -> Meter:
@@ -95,8 +97,7 @@ def svg(view: DemoView) -> str:
     console = Console(record=True, width=COLUMNS, file=io.StringIO(), force_terminal=True, color_system="truecolor")
     console.print(view._picture())
     drawing = console.export_svg(title="scripts/demo", unique_id="demo")
-    drawing = re.sub(r"\s*@font-face \{.*?\}(?=\s)", "", drawing, flags=re.S)
-    return re.sub(r"[ \t]+$", "", drawing.replace("Fira Code, ", ""), flags=re.M)
+    return without_fonts(drawing)
 
 
 if __name__ == "__main__":

@@ -120,3 +120,9 @@ def _dialogue(path: Path) -> str:
 def dialogues(protocol: str, name: str) -> dict[str, Callable[[], str]]:
     paths = sorted((TRANSCRIPTS / protocol).glob("*.txt"))
     return {f"{name} {path.stem}": partial(_dialogue, path) for path in paths}
+
+
+def without_fonts(drawing: str) -> str:
+    """A picture of a terminal that fetches no font from anywhere, and has no blanks at the ends of its lines."""
+    drawing = re.sub(r"\s*@font-face \{.*?\}(?=\s)", "", drawing, flags=re.S)
+    return re.sub(r"[ \t]+$", "", drawing.replace("Fira Code, ", ""), flags=re.M)

@@ -220,6 +220,7 @@ def test_a_path_with_feeds(tmp_path: Path, ending: str) -> None:
         ("in.nc", b"G01X1.F100\n", ("--axis", "X:mm:fast"), ["numbers"]),
         ("in.nc", b"G01X1.F100\n", ("--axis", "X", "--axis", "X"), ["twice"]),
         ("in.nc", b"G01X1.F100\n", ("--protocol", "fanuc-a", "--format", "general"), ["special format only"]),
+        ("in.nc", b"G01X1.F100\n", ("--axis", "X", "--axis", "Y:inch"), ["in mm and in inch"]),
         ("in.csv", b"", (), ["empty"]),
         ("in.csv", b"X,Y,Z\n1,2,3\n", (), ["F is missing"]),
         ("in.csv", b"X,Y,Z,F\n0,0,0,1\n1,2,x,9\n", (), ["line 3", "4 finite numbers"]),
@@ -284,3 +285,58 @@ def test_what_exists_is_kept_without_force(program: Path, tmp_path: Path) -> Non
     assert run("encode", program, out, "--force").status == 0
     assert out.read_bytes().startswith(b"%\nO2000")
     assert run("check", tmp_path / "none.nc").status == 2
+
+
+def test_an_empty_array_is_no_table(tmp_path: Path) -> None:
+    source = tmp_path / "in.npz"
+    np.savez(source, position=np.zeros((0, 3)))
+    for kind in ("table", "path"):
+        done = run("encode", source, tmp_path / "out.g05", "--from", kind)
+        assert (done.status, "expected" in done.stderr) == (2, True), done.stderr
+
+
+def test_a_file_from_another_desk(tmp_path: Path) -> None:
+    """A byte order mark before the names, endings in capitals."""
+    points = np.array([[0.0, 0, 0], [10.0, 0, 0]])
+    np.savez(tmp_path / "in.npz", position=points, feed=np.array([0.0, 600.0]))
+    (tmp_path / "in.npz").rename(tmp_path / "IN.NPZ")
+    (tmp_path / "in.CSV").write_bytes(b"\xef\xbb\xbfX,Y,Z,F\r\n0,0,0,0\r\n10,0,0,600\r\n")
+    for name in ("IN.NPZ", "in.CSV"):
+        done = run("encode", tmp_path / name, tmp_path / f"{name}.g05")
+        assert done.status == 0, done.stderr
+    assert (tmp_path / "IN.NPZ.g05").read_bytes() == (tmp_path / "in.CSV.g05").read_bytes()
+
+
+def test_a_program_with_a_number_gets_no_other(tmp_path: Path) -> None:
+    source, out = tmp_path / "in.nc", tmp_path / "out.g05"
+    for text in ("o1234(x)\nM03\nG01F100X1.\n", "M03\nO1234\nG01F100X1.\n"):
+        source.write_text(text)
+        assert run("encode", source, out, "--force", "--start", "X0,Y0,Z0").status == 0
+        assert out.read_bytes().upper().count(b"O") == 1
+
+
+def test_a_table_of_sections_has_its_head_behind_an_empty_one(tmp_path: Path) -> None:
+    source, out = tmp_path / "in.nc", tmp_path / "out.csv"
+    source.write_bytes(BEFORE + SPECIAL.exit_record + b"G05\n" + small() + AFTER)
+    done = run("decode", source, out, "--axis", "X", "--axis", "Y", "--axis", "Z")
+    assert done.status == 0, done.stderr
+    assert out.read_text().splitlines()[:2] == ["section,time_ms,X,Y,Z,auxiliary", "2,8,0.010,0.000,0.000,-1"]
+
+
+def test_a_slow_section_of_the_general_format_is_seen_as_such() -> None:
+    """One record in fifty has an odd byte: with a sound check byte it can be of no other format."""
+    travel = np.full((500, 3), 2)
+    travel[::50, 0] = 3
+    layout = Layout(axis_count=3, format=RecordFormat.GENERAL)
+    data = bytearray(encode(travel, layout).tobytes() + layout.exit_record)
+    result = checked(BEFORE + data + AFTER)
+    assert (result.sound, result.sections[0].layout) == (True, layout)
+    special = bytearray(section(SPECIAL, 500))
+    for record in range(0, 500, 10):
+        special[7 * record] ^= 1
+    assert checked(BEFORE + special + AFTER).sections[0].layout == SPECIAL
+
+
+def test_two_cr_behind_the_eob_are_named_without_knowing_the_axes() -> None:
+    with pytest.raises(ProgramError, match="line 3: two CR behind the EOB of G05"):
+        checked(BEFORE + b"\r\r" + section(SPECIAL, 100) + AFTER)

@@ -104,6 +104,15 @@ def test_a_helix_and_other_planes() -> None:
         ("G01X1.F100\nG02X2.I5.", "line 2: the arc begins with the radius 5.0000 and ends with 4.0000"),
         ("G01X1.F100\nG02X9.R1.", "line 2: an arc with R1 cannot span a chord of 8.0000"),
         ("G01X1.F100\nG02R1.", "line 2: a full circle with R"),
+        ("G-X1.", "line 1: has a letter without a number"),
+        ("G01X1.F100\nG02X2.R1000000000000000.", "line 2: an arc of radius 1e.15"),
+        ("G01X1.F100\nG02X2.I" + "9" * 400, "line 2: an arc of radius inf"),
+        ("G01X1.F100R2.", "line 1: has R in a straight move"),
+        ("G01X1.F100\nX2.I1.K2.", "line 2: has I, K in a straight move"),
+        ("G93\nG01X1.F100", "line 2: moves while the feed is that of G93, inverse time"),
+        ("G95\nM03\nG01X1.F.2", "line 3: moves while the feed is that of G95, per revolution"),
+        ("O1\nN5 G05(BINARY)\nG01X1.F100", "line 2: is G05 already"),
+        ("G01X1.F100\nG5\nX2.", "line 2: is G05 already"),
         ("G41D1\nG01X1.F100", "line 2: would be binary input operation while cutter compensation is on"),
         ("M30", "it holds no move"),
         ("", "it holds no move"),
@@ -129,3 +138,35 @@ def test_a_place_that_nobody_says_is_asked_for() -> None:
 def test_a_return_to_the_reference_point_loses_the_place() -> None:
     with pytest.raises(ProgramError, match="never says where X, Y, Z is"):
         read("G00X1.Y1.Z1.M05\nG28X0Y0Z0\nG91G01X1.F100", start=None)
+
+
+def test_feed_per_minute_after_another_kind() -> None:
+    _, ends, _ = read("G95\nG94\nG01X1.F100")
+    assert ends.tolist() == [[1, 0, 0]]
+
+
+def test_another_work_coordinate_system_is_no_mere_move() -> None:
+    """X20 of G55 is another place than X20 of G54: it stays text, and the modal block does not hide it."""
+    reader, ends, _ = read("G54G00X0Y0Z0\nG01X10.F100\nG55X20.\nM30", start=None)
+    assert ends.tolist() == [[10, 0, 0]]
+    assert reader.trailer == ["G01G17G21G90F100", "G55X20.", "M30"]
+    with pytest.raises(ProgramError, match=r"line 3: 'G55X20\.' is more than a move"):
+        read("G54G00X0Y0Z0\nG01X10.F100\nG55X20.\n" + "X1.\n" * 21, start=None)
+
+
+def test_a_place_is_lost_in_another_work_coordinate_system() -> None:
+    with pytest.raises(ProgramError, match="never says where Y, Z is"):
+        read("G54G00X0Y0Z0\nG55\nX5.\nG01X1.F100", start=None)
+    reader, _, _ = read("G54G00X0Y0Z0\nG54G49\nG01X1.F100", start=None)
+    assert reader.start == (0, 0, 0)
+
+
+def test_the_end_of_tool_length_compensation_stays_text() -> None:
+    reader, ends, _ = read("G01X1.F100\nG49\nZ5.")
+    assert ends.tolist() == [[1, 0, 0]]
+    assert reader.trailer == ["G01G17G21G90F100", "G49", "Z5."]
+
+
+def test_an_arc_of_too_many_chords_is_refused_and_not_coarser() -> None:
+    with pytest.raises(ProgramError, match=r"line 2: the arc needs .* chords"):
+        read("F600\nG02X0Y0I500000.", chord_error=1e-6)

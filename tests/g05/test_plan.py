@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tapewire.errors import ProgramError, UsageError
 from tapewire.g05.layout import IncrementSystem, Layout, RecordFormat, Unit, UnitTime
 from tapewire.g05.limits import Axis, Machine, Planning
-from tapewire.g05.path import BLOCK_MOVES, Moves
+from tapewire.g05.path import BLOCK_MOVES, Moves, blocks_of
 from tapewire.g05.plan import Plan, Report
 from tests.g05.geometry import farthest, in_between
 from tests.g05.programs import finishing_points
@@ -260,3 +260,15 @@ def test_positions_that_are_none_are_named(end: float) -> None:
 def test_nothing_to_do_makes_no_record() -> None:
     travel, report = planned(planning_of(1), np.zeros((3, 1)))
     assert (len(travel), report.records) == (0, 0)
+
+
+def test_steps_too_short_for_a_move_add_up() -> None:
+    """A hundred thousand steps of half a thousandth of an increment are fifty increments, and a curve at that."""
+    angles = np.linspace(0, np.pi / 2, 100_001)
+    points = np.column_stack([np.sin(angles), 1 - np.cos(angles), 0 * angles]) * 0.05 / (np.pi / 2)
+    assert np.linalg.norm(np.diff(points, axis=0), axis=1).max() < 1e-3 / 1000
+    planning = planning_of(unit_time=UnitTime.MS_16)
+    travel, _ = planned(planning, points, 1.0)
+    assert travel.sum(axis=0).tolist() == np.rint(points[-1] * 1000).astype(int).tolist()
+    blocks = list(blocks_of([Moves(ends=points[1:], speeds=np.full(100_000, 1.0))], points[0], 1e-6))
+    assert sum(map(len, blocks)) > 30_000

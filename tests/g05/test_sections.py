@@ -18,7 +18,7 @@ from tapewire.fanuc import tape
 from tapewire.fanuc.tape import TapeScanner, prepare
 from tapewire.g05 import records
 from tapewire.g05.layout import SIGNIFICANT, AuxiliaryUse, BinaryInput, Layout, RecordFormat, UnitTime
-from tapewire.g05.sections import ExitFinder, Section, record_lengths
+from tapewire.g05.sections import LONGEST_BLOCK, BlockWatch, ExitFinder, Section, record_lengths
 
 BEFORE: Final = b"%\nO1\nG05\n"
 AFTER: Final = b"M02\n%"
@@ -172,3 +172,17 @@ def test_parameters_in_one_word(word: str, layout: Layout | None, unit_time: Uni
 def test_a_word_that_is_none(word: str) -> None:
     with pytest.raises(ValueError, match=r"\w"):
         BinaryInput.parse(word)
+
+
+@pytest.mark.parametrize("blanks", [LONGEST_BLOCK - 4, LONGEST_BLOCK - 3, LONGEST_BLOCK + 900])
+@pytest.mark.parametrize("between", [b"", b"X1"])
+def test_a_block_too_long_is_none_however_it_is_cut(blanks: int, between: bytes) -> None:
+    text = b"O1\n" + b" " * blanks + between + b"G05\n"
+    found = [BlockWatch().feed(text)]
+    for at in (3 + blanks, 3 + blanks + len(between), len(text) - 1):
+        watch = BlockWatch()
+        first = watch.feed(text[:at])
+        second = watch.feed(text[at:])
+        assert first is None
+        found.append(None if second is None else at + second)
+    assert found == [None if between or blanks > LONGEST_BLOCK - 4 else len(text)] * 4

@@ -94,6 +94,20 @@ def test_expansion_a_must_know_the_records_of_the_general_format() -> None:
     entry.refuse(entry.params({"g05": "3,general"}, End.HOST), io.BytesIO(data).read)
 
 
+@pytest.mark.parametrize("code", ["ascii", "iso", "eia"])
+@pytest.mark.parametrize("after", [b"M02\n%", b"\nM02\n%", b"%", b"(X)\n%", b"0%"])
+def test_the_general_format_is_seen_whatever_text_follows_it(code: str, after: bytes) -> None:
+    """In EIA an EOB is 80h and EOR 0Bh: text too."""
+    data = b"%\nO1\nG05\n" + section(Layout(axis_count=3, format=RecordFormat.GENERAL), 300) + after
+    entry = PROTOCOLS["fanuc-a-expansion"]
+    assert entry.refuse is not None
+    params = entry.params({"data": code}, End.HOST)
+    out = bytearray()
+    prepare(io.BytesIO(data).read, out.extend, params.data)
+    with pytest.raises(ProgramError, match="--set g05=3,general"):
+        entry.refuse(params, io.BytesIO(bytes(out)).read)
+
+
 def test_a_section_takes_its_units_of_time() -> None:
     """However fast the line is."""
     world, pair = started("fanuc-b-expansion", program(section(SPECIAL, 200)), "3,16ms")

@@ -28,7 +28,7 @@ from tapewire.fanuc.tv_check import Comments
 from tapewire.transfer.converting import TapeReport, inspect_tape
 from tapewire.transfer.recordings import heard_in
 
-__all__ = ["fanuc"]
+__all__ = ["fanuc", "parameters_of"]
 
 _INTERFACES: Final = {"rs-232-c": Interface.RS_232_C, "rs-422": Interface.RS_422}
 _INDENT: Final = "  "
@@ -39,7 +39,8 @@ def fanuc() -> None:
     """What only FANUC controls with a remote buffer need: parameters, alarms, LEDs."""
 
 
-def _parameters_of(path: Path) -> ParameterFile:
+def parameters_of(path: Path) -> ParameterFile:
+    """A parameter file in either form. Raises UsageError."""
     try:
         with path.open("rb") as file:
             data = file.read(LONGEST_FILE_BYTES + 1)
@@ -80,7 +81,7 @@ def host_settings_command(
     PARAMS holds lines such as `N5074 P3`, as the control punches them, or TOML. The exit status is 1 where something
     must be seen to first.
     """
-    values = _parameters_of(params).parameters
+    values = parameters_of(params).parameters
     settings = host_settings(
         values,
         board=_INTERFACES[interface] if interface else None,
@@ -117,7 +118,7 @@ def _tell(settings: HostSettings) -> None:
 )
 def parameters(params: Path, form: str) -> int:
     """Show the remote buffer's parameters in the file PARAMS, or write them in the other form."""
-    file = _parameters_of(params)
+    file = parameters_of(params)
     match form:
         case "punch":
             click.echo(write_punch(file.parameters), nl=False)
@@ -221,7 +222,7 @@ def diagnose_command(
     Say what is known; it says which case that is, or what to look at next. The exit status is 1 while the case is open.
     """
     seen = Seen(
-        parameters=_parameters_of(params).parameters if params else None,
+        parameters=parameters_of(params).parameters if params else None,
         green=read_leds(green) if green else (),
         red=Red(red),
         pointers=_pointers(read_pointer, write_pointer),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tapewire.errors import ProgramError
 from tapewire.g05.limits import Floats
@@ -88,7 +89,7 @@ def _path(block: Moves, here: Floats, shortest: float) -> tuple[Path, Floats]:
     steps = np.diff(ends, axis=0)
     lengths = np.sqrt(np.einsum("ij,ij->i", steps, steps))
     if lengths.size and lengths.min() < shortest:
-        kept = lengths >= shortest
+        kept = _long_enough(ends, lengths, shortest)
         ends = ends[np.concatenate([[True], kept])]
         steps = np.diff(ends, axis=0)
         lengths = np.sqrt(np.einsum("ij,ij->i", steps, steps))
@@ -97,6 +98,18 @@ def _path(block: Moves, here: Floats, shortest: float) -> tuple[Path, Floats]:
         speeds = block.speeds
     directions = steps / lengths[:, None]
     return Path(starts=ends[:-1], ends=ends[1:], lengths=lengths, directions=directions, speeds=speeds), ends[-1]
+
+
+def _long_enough(ends: Floats, lengths: Floats, shortest: float) -> NDArray[np.bool_]:
+    """Which moves are kept: those that are long, and of short ones in a row each that takes the way to `shortest`."""
+    kept: NDArray[np.bool_] = lengths >= shortest
+    last = 0
+    for index in np.flatnonzero(~kept).tolist():
+        if not index or kept[index - 1]:
+            last = index
+        way = ends[index + 1] - ends[last]
+        kept[index] = way @ way >= shortest**2
+    return kept
 
 
 def _refuse_nonsense(block: Moves, before: int) -> None:

@@ -104,6 +104,11 @@ def found_layout(data: bytes, whole: bool, line: int) -> tuple[Layout, str]:
     if not lengths:
         shares = {length: _right_share(data, length) for length in RECORD_LENGTHS}
         best = max(shares, key=lambda length: shares[length])
+        if data.startswith(b"\r\r") and record_lengths(data[2:], whole=whole):
+            raise ProgramError(
+                f"line {line}: two CR behind the EOB of G05 are read as data, and sound records follow them: end the "
+                "block with a single LF"
+            )
         if shares[best] < LIKELY:
             raise ProgramError(
                 f"line {line}: what follows G05 is no binary input operation: with no length of records (3 to 53 "
@@ -114,8 +119,11 @@ def found_layout(data: bytes, whole: bool, line: int) -> tuple[Layout, str]:
     axes = (length - 1) // 2
     records = data[: len(data) // length * length]
     end = ExitFinder(length).feed(records)
-    odd = np.frombuffer(records[: end or len(records)], np.uint8).reshape(-1, length)[:, :-1] & 1
-    form = RecordFormat.GENERAL if odd.any(axis=1).mean() > 0.05 else RecordFormat.SPECIAL
+    rows = np.frombuffer(records[: end or len(records)], np.uint8).reshape(-1, length)
+    odd = (rows[:, :-1] & 1).any(axis=1)
+    right = rows[:, :-1].sum(axis=1, dtype=np.uint8) == rows[:, -1]
+    # A damaged record of the special format has an odd byte too, but hardly the right sum.
+    form = RecordFormat.GENERAL if (odd & right).sum() > (odd & ~right).sum() else RecordFormat.SPECIAL
     if axes > 24:
         raise ProgramError(f"line {line}: records of {length} bytes carry auxiliary functions: use --axis and --aux")
     taken = f"{length} bytes a record, {how}; taken for {axes} axes without auxiliary functions"

@@ -33,6 +33,7 @@ LONGEST_BLOCK: Final = 4096
 """A block that is G05 alone, with a number and comments, is never longer."""
 
 _BLANKS: Final = b" \t\r"
+_SEVEN_BITS: Final = bytes(byte & 0x7F for byte in range(0x100))
 _TEXT_AFTER: Final = frozenset(b"\t\n\r %()/") | frozenset(range(0x20, 0x7F))
 # Binary data follows the block G05 EOB (chapter 9); block number, block skip and comments do not change that.
 _END: Final = re.compile(rb"[Gg][ \t]*(?:0[ \t]*)*5[ \t]*(?:\([^()\n]*\)[ \t]*)*\r?(?:\n|\Z)")
@@ -49,7 +50,10 @@ def find_g05(text: bytes, start: int = 0) -> int | None:
 def g05_block(text: bytes, start: int = 0) -> tuple[int, int] | None:
     """(offset of the G, offset behind the EOB, if it has one) of the first block of ASCII text that is G05 alone."""
     for match in _END.finditer(text, start):
-        before = text[text.rfind(b"\n", 0, match.start()) + 1 : match.start()]
+        begin = text.rfind(b"\n", 0, match.start()) + 1
+        if match.end() - begin > LONGEST_BLOCK:
+            continue
+        before = text[begin : match.start()]
         if _BEGINNING.fullmatch(_COMMENT.sub(b"", before).translate(None, _BLANKS)):
             return match.start(), match.end()
     return None
@@ -94,22 +98,23 @@ class ExitFinder:
         return None
 
 
-def record_lengths(data: bytes, *, whole: bool) -> list[int]:
+def record_lengths(data: bytes, *, whole: bool, to_ascii: bytes = _SEVEN_BITS) -> list[int]:
     """Every length that the records at the beginning of `data` can have, by their check bytes.
 
     A section without records has none. `whole` says that nothing follows `data`: the exit record must be in it.
+    `to_ascii` translates the text around the records.
     """
-    return [length for length in RECORD_LENGTHS if _fits(data, length, whole)]
+    return [length for length in RECORD_LENGTHS if _fits(data, length, whole, to_ascii)]
 
 
-def _fits(data: bytes, length: int, whole: bool) -> bool:
+def _fits(data: bytes, length: int, whole: bool, to_ascii: bytes) -> bool:
     end = ExitFinder(length).feed(data)
     if end is None and (whole or len(data) < length):
         return False
     records = data[: len(data) // length * length] if end is None else data[: end - length]
     if not records or _first_wrong_sum(records, length) is not None:
         return False
-    return end is None or end == len(data) or data[end] & 0x7F in _TEXT_AFTER
+    return end is None or end == len(data) or to_ascii[data[end]] & 0x7F in _TEXT_AFTER
 
 
 def _first_wrong_sum(records: bytes, length: int) -> int | None:
@@ -124,11 +129,13 @@ def _first_wrong_sum(records: bytes, length: int) -> int | None:
 class Section:
     """One section as it passes by: its records are checked, and it knows where it ends.
 
-    Without `record_bytes` the length of the records is found; what comes in is held back until then.
+    Without `record_bytes` the length of the records is found; what comes in is held back until then. `to_ascii`
+    translates the text around the records.
     """
 
-    def __init__(self, record_bytes: int | None = None) -> None:
+    def __init__(self, record_bytes: int | None = None, to_ascii: bytes = _SEVEN_BITS) -> None:
         self.record_bytes = record_bytes
+        self._to_ascii = to_ascii
         self.record_count = 0
         """Records without the exit record."""
         self.byte_count = 0
@@ -170,7 +177,7 @@ class Section:
 
     def _settled(self, data: bytes, *, whole: bool) -> int:
         if self.record_bytes is None:
-            lengths = record_lengths(data, whole=whole)
+            lengths = record_lengths(data, whole=whole, to_ascii=self._to_ascii)
             if len(lengths) != 1:
                 raise ProgramError(_undecided(lengths))
             self.record_bytes = lengths[0]
@@ -222,7 +229,7 @@ class SectionScan:
                 begins = self._watch.feed(data.translate(self._to_ascii))
                 if begins is None:
                     return
-                self._section, data = Section(self._record_bytes), data[begins:]
+                self._section, data = Section(self._record_bytes, self._to_ascii), data[begins:]
             if data or at_end:
                 data = self._follow(self._section, data)
                 at_end = at_end and self._section is None and bool(data)

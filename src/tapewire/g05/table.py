@@ -46,7 +46,7 @@ def _lines(file: IO[bytes], name: str) -> Iterator[str]:
         if len(line) == LONGEST_LINE:
             raise ProgramError(f"{name}, line {number}: is longer than {LONGEST_LINE:,} characters: this is no table")
         try:
-            yield line.decode("utf-8")
+            yield line.decode("utf-8-sig" if number == 1 else "utf-8")
         except UnicodeDecodeError:
             why = "is no text; a table is numbers separated by commas"
             raise ProgramError(f"{name}, line {number}: {why}", line=number) from None

@@ -15,6 +15,9 @@ __all__ = ["Arc", "chords"]
 RADIUS_ERROR: Final = 0.01
 """The radii at both ends of an arc may differ by so much, in units: no control takes much more."""
 MOST_CHORDS: Final = 100_000
+"""Of one arc. Fewer than it needs would leave the tolerance: such an arc is refused."""
+LARGEST_RADIUS: Final = 1e7
+"""Ten times what a place may be; beyond it the centre swallows the decimals of the ends."""
 
 _PLANES: Final = {17: ("X", "Y", "I", "J"), 18: ("Z", "X", "K", "I"), 19: ("Y", "Z", "J", "K")}
 
@@ -42,12 +45,16 @@ def chords(
     at_end = math.hypot(end[first] - centre[0], end[second] - centre[1])
     if radius < 1e-9:
         raise ProgramError("an arc of radius 0")
+    if not max(radius, at_end) <= LARGEST_RADIUS:
+        raise ProgramError(f"an arc of radius {max(radius, at_end):g}: at most {LARGEST_RADIUS:g} is read")
     if abs(radius - at_end) > RADIUS_ERROR:
         raise ProgramError(f"the arc begins with the radius {radius:.4f} and ends with {at_end:.4f}")
     begin = math.atan2(start[second] - centre[1], start[first] - centre[0])
     sweep = _sweep(arc, begin, math.atan2(end[second] - centre[1], end[first] - centre[0]))
     step = 2 * math.acos(max(1 - min(error, radius) / radius, 0.0))
-    count = min(max(math.ceil(abs(sweep) / step), 1), MOST_CHORDS)
+    count = max(math.ceil(abs(sweep) / step), 1)
+    if count > MOST_CHORDS:
+        raise ProgramError(f"the arc needs {count:,} chords, and {MOST_CHORDS:,} are the most: widen the tolerance")
     shares = np.arange(1, count + 1) / count
     radii = radius + (at_end - radius) * shares
     angles = begin + sweep * shares

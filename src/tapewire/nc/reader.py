@@ -20,6 +20,7 @@ import numpy as np
 from tapewire.errors import ProgramError
 from tapewire.g05.modes import ModalWatch
 from tapewire.g05.path import Moves
+from tapewire.g05.sections import find_g05
 from tapewire.nc.arcs import Arc, chords
 
 __all__ = ["NcReader", "Reading"]
@@ -35,7 +36,9 @@ _WORD: Final = re.compile(r"([A-Z])([-+]?[0-9]*\.?[0-9]*)")
 _COMMENT: Final = re.compile(r"\([^()]*\)")
 _PLACE_LOST: Final = frozenset((10.0, 27.0, 28.0, 29.0, 30.0, 52.0, 53.0, 92.1))
 """G codes after which the axes are where this program does not say."""
-_WITHOUT_MOTION: Final = frozenset((9, 17, 18, 19, 20, 21, 40, 49, 54, 55, 56, 57, 58, 59, 61, 64, 69, 80, 90, 91, 94))
+_WITHOUT_MOTION: Final = frozenset((9, 17, 18, 19, 20, 21, 40, 61, 64, 69, 80, 90, 91, 94))
+_WORK_COORDINATES: Final = frozenset((54.0, 55.0, 56.0, 57.0, 58.0, 59.0))
+_FEED_OF_OTHER_KIND: Final = {93.0: "G93, inverse time", 95.0: "G95, per revolution"}
 
 _Words: TypeAlias = list[tuple[str, str]]
 
@@ -74,6 +77,8 @@ class NcReader:
         self._plane, self._incremental, self._inch = 17, False, False
         self._feed: float | None = None
         self._feed_word = ""
+        self._feed_kind = 94.0
+        self._work_coordinate: float | None = None
         self._moves_home = 0
         self._modes = ModalWatch()
         self.header: list[str] = []
@@ -131,6 +136,9 @@ class NcReader:
                 if self._modes.forbidden:
                     modes = ", ".join(self._modes.forbidden)
                     raise self._refusal(f"would be binary input operation while {modes} is on: an alarm (9.3)")
+                if self._feed_kind in _FEED_OF_OTHER_KIND:
+                    kind = _FEED_OF_OTHER_KIND[self._feed_kind]
+                    raise self._refusal(f"moves while the feed is that of {kind}: only feed per minute (G94) is read")
                 return block
             self._keep(self.header, kept)
             self._modes.feed(kept.encode("utf-8", "replace"))
@@ -142,10 +150,12 @@ class NcReader:
     def _keep(self, blocks: list[str], kept: str) -> None:
         if len(blocks) >= MOST_KEPT_BLOCKS:
             raise self._refusal(f"is the block number {MOST_KEPT_BLOCKS + 1:,} without a move of known place")
+        if find_g05(kept.encode("latin-1", "replace")) is not None:
+            raise self._refusal("is G05 already: take it out, or decode the section that follows")
         blocks.append(kept)
 
     def _is_plain_move(self, words: _Words) -> bool:
-        codes = [float(value or "nan") for letter, value in words if letter == "G"]
+        codes = [self._value(value) for letter, value in words if letter == "G"]
         others = any(letter not in "GNFIJKR" and letter not in self._place for letter, _ in words)
         moves = any(letter in self._place for letter, _ in words)
         motion = next((code for code in codes if code in (0, 1, 2, 3)), self._motion)
@@ -160,6 +170,7 @@ class NcReader:
         if codes & _PLACE_LOST:
             self._place = dict.fromkeys(self._place)
             return
+        self._change_coordinates(codes)
         for letter, value in words:
             if letter == "F":
                 self._set_feed(value)
@@ -170,6 +181,15 @@ class NcReader:
                     self._place[letter] = length
                 elif here is not None:
                     self._place[letter] = here + length
+
+    def _change_coordinates(self, codes: set[float]) -> None:
+        """Of a block of the header: in another work coordinate system the numbers of before mean other places."""
+        for code in codes & _WORK_COORDINATES:
+            if self._work_coordinate not in (None, code):
+                self._place = dict.fromkeys(self._place)
+            self._work_coordinate = code
+        for code in codes & {93.0, 94.0, 95.0}:
+            self._feed_kind = code
 
     # blocks among the moves
 
@@ -234,6 +254,8 @@ class NcReader:
     def _move(
         self, targets: dict[str, str], arc: dict[str, str], ends: list[tuple[float, ...]], speeds: list[float]
     ) -> None:
+        if arc and self._motion in (0.0, 1.0):
+            raise self._refusal(f"has {', '.join(sorted(arc))} in a straight move: that belongs to G02 and G03")
         place = self._place
         before = tuple(place.values()) if self._motion in (2.0, 3.0) else ()
         for axis, value in targets.items():

@@ -100,6 +100,16 @@ class Control:
         moves = self._block_done is not None or self._rest_of_block or (self.binary and self.binary.active)
         return not moves and not self._send_buffer
 
+    @property
+    def moving(self) -> bool:
+        """A block is under execution, or held in the middle."""
+        return self._block_done is not None or self._rest_of_block > 0
+
+    @property
+    def bytes_begun(self) -> int:
+        """Of what was taken, so much is executed or under execution."""
+        return self.bytes_taken - len(self._send_buffer)
+
     def step(self, now: Nanos) -> None:
         if self.binary is not None and self.binary.stopped:
             if self._engine.progress:

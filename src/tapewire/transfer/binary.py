@@ -163,6 +163,8 @@ def _place(start: Floats) -> tuple[float, ...]:
 
 def _from_nc(file: IO[bytes], encoding: Encoding) -> _Made:
     planning, machine = encoding.planning, encoding.planning.machine
+    if {Unit.MM, Unit.INCH} <= {axis.unit for axis in machine.axes}:
+        raise UsageError("axes in mm and in inch: a machine that executes NC programs has one of them")
     reading = Reading(
         axes=machine.names,
         start=encoding.start,
@@ -181,7 +183,8 @@ def _from_nc(file: IO[bytes], encoding: Encoding) -> _Made:
     )
     plan = Plan(kept, np.array(reader.start))
     header = "".join(f"{line}\n" for line in reader.header)
-    before = header if header.startswith("O") else f"O{encoding.number:04d}\n{header}"
+    numbered = any(line.startswith(("O", "o")) for line in reader.header)
+    before = header if numbered else f"O{encoding.number:04d}\n{header}"
 
     def after() -> bytes:
         trailer = "".join(f"{line}\n" for line in reader.trailer)
@@ -199,7 +202,7 @@ def _lines(file: IO[bytes]) -> Iterator[str]:
 def _path(file: IO[bytes], name: str, machine: Machine) -> tuple[Floats, Iterator[Moves]]:
     """Positions with the feed, in units a minute, of the move that leads to each."""
     axis_count = len(machine.axes)
-    if name.endswith(".npz"):
+    if name.lower().endswith(".npz"):
         arrays = read_npz(file, name, "position")
         feed = arrays.get("feed")
         points = arrays["position"]
@@ -244,12 +247,12 @@ def _columns(file: IO[bytes], name: str, wanted: tuple[str, ...]) -> Iterator[Fl
 def _from_table(file: IO[bytes], name: str, encoding: Encoding) -> _Made:
     """Positions at every unit of time, encoded as they stand: the first row is where the axes are."""
     machine = encoding.planning.machine
-    if name.endswith(".npz"):
+    if name.lower().endswith(".npz"):
         pieces: Iterator[Floats] = iter([read_npz(file, name, "position")["position"]])
     else:
         pieces = _columns(file, name, machine.names)
     first = next(pieces, None)
-    if first is None or first.shape[1] != len(machine.axes):
+    if first is None or not len(first) or first.shape[1] != len(machine.axes):
         raise ProgramError(f"positions of {len(machine.axes)} axes are expected")
     return _Made(_beginning(encoding), _steps(first, pieces, machine.per_unit), _ending, None, _place(first[0]))
 
@@ -283,7 +286,7 @@ def _write_rows(part: StoredFile, sections: Iterator[tuple[int, Iterator[Records
         here, done = None, 0
         for records in pieces:
             travel = records.travel.astype(np.int64)
-            if number == 1 and not done:
+            if not count + done:
                 part.write(_head(asked, travel.shape[1]).encode())
             here = np.zeros(travel.shape[1], np.int64) if here is None else here
             where = np.cumsum(travel, axis=0) + here

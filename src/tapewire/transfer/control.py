@@ -29,7 +29,7 @@ from tapewire.transfer.program import Program
 from tapewire.transfer.reports import Result
 from tapewire.transfer.session import JobSettings, Session
 
-__all__ = ["ControlTask", "Operation", "run_control"]
+__all__ = ["STOP_CHARACTERS", "ControlTask", "Operation", "Taken", "faulty", "run_control"]
 
 
 class Operation(StrEnum):
@@ -73,7 +73,7 @@ class ControlTask:
                 raise UsageError(f"nothing of {self.faults.name} can be made on a real line: {'; '.join(missing)}")
 
 
-class _Taken:
+class Taken:
     """What the control took: counted, hashed, and stored where the operator wants it.
 
     A file that exists is left alone until there is a first byte to put into it.
@@ -119,7 +119,7 @@ def _details(cnc: CncEngine, control: Control) -> dict[str, int]:
     return details
 
 
-def _faulty(plan: FaultPlan, seed: int, job: JobSettings, line: Transport) -> Transport:
+def faulty(plan: FaultPlan, seed: int, job: JobSettings, line: Transport) -> Transport:
     """`line` as `plan` has it; each fault is told as it happens, and so is what no plan can do to a real line."""
     made, missing = made_on_a_line(plan, LineEnd.CONTROL)
 
@@ -143,7 +143,7 @@ LINGER_S: Final = 1.0
 async def run_control(task: ControlTask, job: JobSettings) -> Result:
     """Open the line of `job`, do `task`, and say how it ended. Raises LineError, UsageError."""
     cnc = job.protocol.cnc(job.params)
-    taken = _Taken(task.save)
+    taken = Taken(task.save)
     is_dnc = task.operation is Operation.DNC
     binary = binary_operation(job.protocol.binary_input(job.params)) if is_dnc else None
     control = Control(
@@ -166,7 +166,7 @@ async def run_control(task: ControlTask, job: JobSettings) -> Result:
         paced_reception=True,
         linger_s=LINGER_S,
         details=lambda: _details(cnc, control),
-        between=partial(_faulty, task.faults, task.fault_seed, job) if task.faults is not None else None,
+        between=partial(faulty, task.faults, task.fault_seed, job) if task.faults is not None else None,
     )
 
     def begin(transport: Transport, now: Nanos) -> None:

@@ -23,7 +23,7 @@ from tapewire.transfer.capturing import JobCapture
 from tapewire.transfer.meter import Meter
 from tapewire.transfer.reports import Observer, Progress, Ready, nothing
 
-__all__ = ["JobSettings", "Session", "settings_for"]
+__all__ = ["ABORT_LIMIT_S", "JobSettings", "Session", "settings_for", "undo"]
 
 PROGRESS_INTERVAL_S: Final = 0.25
 """With the last one, which comes when it comes, at most five progress reports a second."""
@@ -200,7 +200,7 @@ class Session:
                 return opening.result()
         finally:
             if not opening.done():
-                await _undo(opening)
+                await undo(opening)
         outcome, reason = self._overruled or (Outcome.CANCELLED, "given up here before the line was open")
         return Ended(outcome=outcome, reason=reason, bytes_low=0, bytes_high=0)
 
@@ -301,7 +301,7 @@ class Session:
             self.job.observer(event, now)
 
 
-async def _undo(opening: asyncio.Future[Any]) -> None:
+async def undo(opening: asyncio.Future[Any]) -> None:
     """Cancel an opening that nobody waits for any more, and close what it has opened all the same."""
     opening.cancel()
     await asyncio.wait([opening])

@@ -1,0 +1,258 @@
+"""The panel of a simulated control: the terminal, the keys, and the control behind them."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, Final
+
+import click
+from rich.console import Console, RenderableType
+from rich.live import Live
+
+from tapewire.cli.common import COMPLETE, INTERRUPTED, NOT_COMPLETE, ignore_signals, stop_on_signals
+from tapewire.cli.panel_keys import keys_of
+from tapewire.cli.panel_view import HEIGHT, WIDTH, Leds, PanelState, SoftKey, picture
+from tapewire.codes import TABLES, DataCode
+from tapewire.engine import SignalsIn
+from tapewire.errors import UsageError
+from tapewire.fanuc.leds import STATUSES
+from tapewire.fanuc.memory import BUFFER_BYTES
+from tapewire.fanuc.parameters import ParameterSet
+from tapewire.line.driver import monotonic
+from tapewire.protocols.settings import Switch
+from tapewire.sim.machine import Motion
+from tapewire.transfer.control import Operation
+from tapewire.transfer.operated import OperatedControl, Plug
+from tapewire.transfer.session import ABORT_LIMIT_S
+
+__all__ = ["refuse_terminal", "run_panel", "state_of"]
+
+DRAWN_EVERY_S: Final = 0.2
+LAST_DRAWN_S: Final = 1.0
+
+_LINE_NUMBERS: Final = (5084, 5083, 5082, 5081, 5074, 5073, 5072, 5071, 5000, 0, 20)
+"""Parameters of the communication, as far as the file has them."""
+
+_WORDS: Final = ("data", "code", "end", "posting", "echo", "mode", "program")
+"""Settings of the protocols that an operator would look for."""
+
+_TRANSFERS: Final = {Operation.READ: "INPUT", Operation.PUNCH: "OUTPUT"}
+
+
+def refuse_terminal() -> None:
+    """Raises UsageError where there is no terminal for a panel, or one that is too small."""
+    streams = (sys.stdin, sys.stdout)
+    if any(stream is None or not stream.isatty() for stream in streams) or os.environ.get("TERM") == "dumb":
+        raise UsageError(
+            "--panel needs a terminal for its screen and its keys: neither a pipe, nor a file, nor TERM=dumb"
+        )
+    width, height = Console().size
+    if width < WIDTH or height < HEIGHT:
+        raise UsageError(f"--panel needs a terminal of {WIDTH}x{HEIGHT} at least: this one is {width}x{height}")
+
+
+def run_panel(make: Callable[[asyncio.Event], OperatedControl]) -> int:
+    """Show the panel until somebody leaves it, and return the exit status. Raises LineError, UsageError."""
+    status, last = asyncio.run(_run(make))
+    with suppress(OSError):
+        click.echo(last, err=True)
+    return status
+
+
+async def _run(make: Callable[[asyncio.Event], OperatedControl]) -> tuple[int, str]:
+    stop, quitting = asyncio.Event(), asyncio.Event()
+    control = make(stop)
+    console = Console(highlight=False)
+    screen = _Screen(console, control)
+    stop_on_signals(stop)
+    working = asyncio.ensure_future(control.run())
+    waits = [asyncio.ensure_future(stop.wait()), asyncio.ensure_future(quitting.wait())]
+    complete = False
+    try:
+        with keys_of(sys.stdin.fileno(), lambda key: press(key, control, quitting), stop.set):
+            drawing = asyncio.ensure_future(screen.draw())
+            try:
+                await asyncio.wait([working, drawing, *waits], return_when=asyncio.FIRST_COMPLETED)
+                complete = control.complete
+                control.leave(monotonic())
+                await asyncio.wait([working], timeout=ABORT_LIMIT_S)
+            finally:
+                drawing.cancel()
+                await asyncio.wait([drawing])
+    finally:
+        ignore_signals()
+        for task in (working, *waits):
+            task.cancel()
+        await asyncio.wait([working])
+    if not working.cancelled():
+        working.result()
+    if not drawing.cancelled() and drawing.exception() is not None:
+        return NOT_COMPLETE, "the terminal cannot be written any more"
+    last = control.last
+    told = f"{control.selected}: {last.outcome}, {last.reason}" if last is not None else "nothing was transferred"
+    return INTERRUPTED if stop.is_set() else COMPLETE if complete else NOT_COMPLETE, told
+
+
+def press(key: str, control: OperatedControl, quitting: asyncio.Event) -> None:
+    """One key of the panel; others do nothing."""
+    now = monotonic()
+    match key.lower():
+        case "c":
+            control.cycle_start(now)
+        case "h":
+            control.feed_hold(now)
+        case "r":
+            control.reset(now)
+        case "s":
+            control.turn_single_block()
+        case "o":
+            control.turn_optional_stop()
+        case "i":
+            control.read(now)
+        case "p":
+            control.punch(now)
+        case "u":
+            control.turn_plug(now)
+        case "q":
+            quitting.set()
+        case _:
+            pass
+
+
+class _Screen:
+    """Draws the state again and again. A terminal that takes nothing for a while does not stop the line."""
+
+    def __init__(self, console: Console, control: OperatedControl) -> None:
+        self._console = console
+        self._control = control
+
+    async def draw(self) -> None:
+        """Until it is cancelled. Raises OSError when the terminal is gone."""
+        with Live(console=self._console, screen=True, auto_refresh=False) as live:
+            while True:
+                state = state_of(self._control, time.strftime("%H:%M:%S"))
+                showing = asyncio.ensure_future(asyncio.to_thread(self._show, live, state))
+                try:
+                    await asyncio.shield(showing)
+                except asyncio.CancelledError:
+                    # What is being drawn must not come after the screen has been put back.
+                    await asyncio.wait([showing], timeout=LAST_DRAWN_S)
+                    raise
+                await asyncio.sleep(DRAWN_EVERY_S)
+
+    def _show(self, live: Live, state: PanelState) -> None:
+        live.update(self._picture(state), refresh=True)
+
+    def _picture(self, state: PanelState) -> RenderableType:
+        return picture(state, *self._console.size)
+
+
+def state_of(control: OperatedControl, clock: str) -> PanelState:
+    """What the panel shows of `control`."""
+    tape = control.tape
+    machine = control.control
+    position = machine.bytes_begun - (1 if machine.moving else 0)
+    running = control.operation is Operation.DNC
+    blocks = tape.blocks
+    board = control.board
+    return PanelState(
+        title=f"SIMULATED CONTROL   {control.job.protocol.title}",
+        clock=clock,
+        mode="RMT" if control.selected is Operation.DNC else "EDIT",
+        run=control.state,
+        moving=machine.moving and machine.motion is Motion.RUNNING,
+        transfer=_TRANSFERS.get(control.operation, "") if control.operation is not None else "",
+        stands=control.stands,
+        blocks=tuple(_text_of(block.data, control.code) for block in blocks),
+        current=tape.index_at(position) if running else None,
+        program=f"{control.cnc.progress:,} bytes, {machine.blocks_executed:,} blocks" if control.cnc.progress else "",
+        buffered=control.cnc.buffered,
+        capacity=BUFFER_BYTES if board is not None else control.job.params.buffer,
+        pointers="" if board is None else _pointers(control),
+        held=control.held,
+        leds=None if board is None else Leds(green=board.green, red=board.red, meaning=_LED_WORDS[board.status.name]),
+        line=_line_of(control),
+        alarms=tuple(f"{alarm.number}  {alarm.text}".strip() for alarm in control.alarms),
+        messages=tuple(control.messages),
+        keys=_keys_of(control),
+    )
+
+
+_LED_WORDS: Final = {
+    "POWER_ON": "power has just come on",
+    "INITIALISING": "waiting for the other modules",
+    "IDLE": "waiting for the control",
+    "HANDLING": "handling a request",
+    "STOPPING": "told to stop, by RESET, alarm or EOR",
+    "DRAM_TEST": "the DRAM test failed",
+    "LOADING": "parity of the loaded code",
+    "NMI": "NMI in another module",
+    "SYSTEM_ALARM": "system alarm",
+}
+assert set(_LED_WORDS) == {status.name for status in STATUSES}
+
+
+def _text_of(block: bytes, code: DataCode) -> str:
+    """As the controls show it, the EOB as a semicolon."""
+    text = block.translate(TABLES[code].to_ascii).strip(b"\r\n\x00\x7f")
+    return text.decode("latin-1") + (" ;" if text and not text.startswith(b"%") else "")
+
+
+def _pointers(control: OperatedControl) -> str:
+    assert control.board is not None
+    memory = control.board.memory
+    return f"read {memory.read_pointer:04X}h  write {memory.write_pointer:04X}h"
+
+
+def _line_of(control: OperatedControl) -> tuple[tuple[str, str], ...]:
+    job, link, parameters = control.job, control.link, control.task.parameters
+    is_open = link is not None and not link.closed
+    plug = "UNPLUGGED" if control.plug is Plug.OUT else "open" if is_open else "waiting for a host"
+    rows = [
+        ("line", control.ready or str(job.line)),
+        ("", plug),
+        ("rate", f"{job.baud} baud, {job.origin.framing}"),
+        ("sees", _signals(link.signals_in if link is not None and is_open else None)),
+    ]
+    name, told = ("set", _settings_of(job.params)) if parameters is None else ("No.", _numbers_of(parameters))
+    together = 2 if parameters is None else 3
+    for at in range(0, len(told), together):
+        rows.append(("" if at else name, "  ".join(told[at : at + together])))
+    return tuple(rows)
+
+
+def _settings_of(params: Any) -> list[str]:
+    values = [(name, getattr(params, name, None)) for name in _WORDS]
+    return [f"{name}={getattr(value, 'value', value)}" for name, value in values if value not in (None, "")]
+
+
+def _numbers_of(parameters: ParameterSet) -> list[str]:
+    return [f"{number:04d}={parameters.get(number)}" for number in _LINE_NUMBERS if number in parameters]
+
+
+def _signals(signals: SignalsIn | None) -> str:
+    if signals is None:
+        return "no control lines"
+    named = (("CS", signals.cts), ("DR", signals.dsr), ("CD", signals.cd))
+    return "  ".join(f"{name} {'ON' if on else 'OFF'}" for name, on in named)
+
+
+def _keys_of(control: OperatedControl) -> tuple[SoftKey, ...]:
+    punches = (SoftKey(key="P", label="PUNCH"),) if control.job.protocol.punches_out else ()
+    unplugged = control.plug is Plug.OUT
+    return (
+        SoftKey(key="C", label="CYCLE"),
+        SoftKey(key="H", label="HOLD", lit=control.control.motion is Motion.HELD),
+        SoftKey(key="R", label="RESET", lit=bool(control.alarms)),
+        SoftKey(key="S", label="SBK", lit=control.single_block is Switch.ON),
+        SoftKey(key="O", label="OSP", lit=control.optional_stop is Switch.ON),
+        SoftKey(key="I", label="READ"),
+        *punches,
+        SoftKey(key="U", label="PLUG" if unplugged else "UNPLUG", lit=unplugged),
+        SoftKey(key="Q", label="QUIT"),
+    )
