@@ -220,8 +220,8 @@ def _axis(word: str) -> Axis:
     name, *rest = word.split(":")
     if not (len(name) == 1 and "A" <= name <= "Z") or name in "FGIJKMNORST" or len(rest) > 4:
         raise UsageError(
-            f"--axis {word}: NAME[:mm|inch|deg[:VELOCITY[:ACCELERATION[:JERK]]]] is expected, NAME the capital letter of "
-            "an axis"
+            f"--axis {word}: NAME[:mm|inch|deg[:VELOCITY[:ACCELERATION[:JERK]]]] is expected, NAME the capital letter "
+            "of an axis"
         )
     if rest and rest[0] not in list(Unit):
         raise UsageError(f"--axis {word}: the unit is one of {', '.join(Unit)}")
