@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from tests.cli.terminal import Terminal
 
 LONG = program(2000)
 """Longer than the buffer: the control is still asking for it when the cable goes."""
+
+_PORT = re.compile(r"listen://(127\.0\.0\.1:[1-9]\d*)")
 
 PUNCHING = [name for name, entry in PROTOCOLS.items() if entry.punches_out and name != "bridgeport"]
 
@@ -137,6 +140,37 @@ def test_quitting_in_the_middle_gives_up(shop: Shop) -> None:
         assert sender.finish().status == 1
 
 
+def test_a_listening_control_keeps_its_port_whatever_is_pressed(shop: Shop) -> None:
+    file = shop.file("in.nc", program(9))
+    with Terminal("cnc", "--line", "listen://127.0.0.1:0", "--protocol", "fanuc-a", "--panel") as terminal:
+        text = terminal.wait(_PORT.search)
+        terminal.press("chrsr")
+        terminal.wait_for("there is nobody on the line")
+        terminal.press("s")
+        found = _PORT.search(text)
+        assert found is not None
+        sender = shop.start("send", file, "--line", f"socket://{found[1]}", "--protocol", "fanuc-a", "--json")
+        terminal.wait_for(" open")
+        terminal.press("c")
+        terminal.wait_for("dnc complete")
+        assert sender.finish().outcome == (0, "complete")
+        terminal.press("q")
+        assert terminal.end() == 0
+
+
+def test_what_cannot_be_stored_is_told_and_not_complete(shop: Shop) -> None:
+    file = shop.file("in.nc", program(9))
+    with panel(shop.folder, "--save", "/dev/full") as terminal:
+        terminal.wait_for(" open")
+        sender = host(shop, "send", file)
+        sender.wait_for("ready")
+        terminal.press("c")
+        terminal.wait_for("/dev/full: cannot be stored", "dnc complete")
+        assert sender.finish().outcome == (0, "complete")
+        terminal.press("q")
+        assert terminal.end() == 1
+
+
 def test_ctrl_c_ends_it_with_130_and_a_whole_terminal(tmp_path: Path) -> None:
     with panel(tmp_path) as terminal:
         terminal.wait_for("open")
@@ -161,12 +195,11 @@ def test_another_size_is_drawn_in_it(tmp_path: Path) -> None:
     with panel(tmp_path) as terminal:
         terminal.wait_for("open")
         terminal.resize(120, 40)
-        text = terminal.wait(lambda text: "[Q]" in text and len(text.splitlines()[0]) > 110)
-        assert len(text.splitlines()) == 40
+        terminal.wait(lambda text: "[Q]" in text.split("\n")[39] and len(text.split("\n")[0]) > 110)
         terminal.resize(60, 20)
         terminal.wait_for("60x20 is too small")
         terminal.resize(80, 24)
-        terminal.wait_for("[Q]")
+        terminal.wait(lambda text: "[Q]" in text.split("\n")[23])
         terminal.press("q")
         assert terminal.end() == 1
 

@@ -170,7 +170,7 @@ def state_of(control: OperatedControl, clock: str) -> PanelState:
         stands=control.stands,
         blocks=tuple(_text_of(block.data, control.code) for block in blocks),
         current=tape.index_at(position) if running else None,
-        program=f"{control.cnc.progress:,} bytes, {machine.blocks_executed:,} blocks",
+        program=f"{control.cnc.progress:,} bytes, {machine.blocks_executed:,} blocks" if control.cnc.progress else "",
         buffered=control.cnc.buffered,
         capacity=BUFFER_BYTES if board is not None else control.job.params.buffer,
         pointers="" if board is None else _pointers(control),

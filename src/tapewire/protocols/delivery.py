@@ -21,8 +21,8 @@ HEARD_LATE_CHARACTERS: Final = 10
 """On a slow line it takes longer: two codes cross it, a receive FIFO waits four character times for a fifth, and what
 is being said is finished first."""
 
-SLOWEST: Final[Nanos] = 40 * MILLISECOND
-"""A character at 300 baud. Slower than that the pace of a line is not believed: something held it."""
+SLOWEST: Final[Nanos] = 220 * MILLISECOND
+"""A character at 50 baud, the least of 5083 (10.2). Slower than that something held the line: not its pace."""
 
 
 class Delivery:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum, StrEnum
 from typing import Any, Final
@@ -122,6 +123,8 @@ class OperatedControl:
         self._leaving = False
         self._communicating = False
         self._reading: bytearray | None = None
+        if task.taken is not None:
+            task.taken.on_error = self._not_stored
         self.code = getattr(job.params, "data", DataCode.ASCII)
         self.text = job.protocol.text(job.params)
         self.tape = TapeWindow(self.text.eob, 0)
@@ -157,7 +160,8 @@ class OperatedControl:
     @property
     def complete(self) -> bool:
         """The last operation was, and nothing is under way."""
-        return self.operation is None and self.last is not None and self.last.outcome is Outcome.COMPLETE
+        is_stored = self.task.taken is None or not self.task.taken.error
+        return is_stored and self.operation is None and self.last is not None and self.last.outcome is Outcome.COMPLETE
 
     def _power_on(self, params: Any) -> None:
         self._params = params
@@ -229,7 +233,8 @@ class OperatedControl:
                 await undo(opening)
 
     async def _pause(self) -> None:
-        await asyncio.wait([asyncio.ensure_future(self._turned.wait())], timeout=REOPEN_PAUSE_S)
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._turned.wait(), REOPEN_PAUSE_S)
 
     async def _serve(self, line: Transport) -> None:
         """Until the line is gone, and what was taken has been executed."""
@@ -258,7 +263,6 @@ class OperatedControl:
         return self.link
 
     def _wake(self) -> None:
-        self._turned.set()
         if self._driver is not None:
             self._driver.wake()
 
@@ -311,6 +315,7 @@ class OperatedControl:
                 self.cnc.receive_closed(Closure.LOST, "the cable was unplugged here", now)
         else:
             self.plug = Plug.IN
+        self._turned.set()
         self._wake()
 
     def leave(self, now: Nanos) -> None:
@@ -319,6 +324,7 @@ class OperatedControl:
             self.reset(now)
             self.last = Ended(outcome=Outcome.CANCELLED, reason="given up here", bytes_low=0, bytes_high=0)
         self._leaving = True
+        self._turned.set()
         self._wake()
 
     def _begin(self, operation: Operation, now: Nanos) -> None:
@@ -450,6 +456,10 @@ class OperatedControl:
                 self._say(f"{count} characters after the stop, {allowed} are allowed")
             case _:
                 pass
+
+    def _not_stored(self) -> None:
+        assert self.task.taken is not None
+        self._say(self.task.taken.error)
 
     def _say(self, text: str) -> None:
         self.messages.append(text)

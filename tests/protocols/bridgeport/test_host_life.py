@@ -15,6 +15,7 @@ from tapewire.engine import (
     SECOND,
     Closure,
     LineFault,
+    Notice,
     Outcome,
     Requested,
     SignalsIn,
@@ -166,6 +167,19 @@ def test_a_damaged_character_and_nothing_after_it_is_a_failure() -> None:
     rig.wait(61 * SECOND)
     assert rig.end is not None
     assert rig.end.outcome is Outcome.FAILED
+
+
+def test_4_2_1_what_may_have_been_the_answer_to_a_record_is_told_with_what_to_do() -> None:
+    """No time limits the wait for an answer, so nothing else would say that both ends may wait for each other."""
+    rig = linked()
+    rig.say(DC1)
+    assert rig.host.state is State.WAIT_ACK
+    rig.host.receive_line_fault(LineFault.PARITY, 0x86, rig.now)
+    rig.settle()
+    texts = [event.text for event in rig.events if isinstance(event, Notice)]
+    [notice] = [text for text in texts if "answer to a record" in text]
+    assert notice.endswith("cancel at the control and ask again")
+    assert rig.say(ACK), "and the answer, if it comes after all, is obeyed"
 
 
 def test_an_xoff_after_a_damaged_character_is_a_pause_and_limited_as_one() -> None:

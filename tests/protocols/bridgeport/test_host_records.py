@@ -207,6 +207,40 @@ def test_4_2_1_records_are_proven_by_their_ack() -> None:
     assert (rig.end.bytes_low, rig.end.bytes_high) == (18, 22)
 
 
+def test_4_2_1_an_ack_and_a_nak_to_one_record_end_the_job() -> None:
+    """Whether the control has it cannot be told: the next one behind a missing one would make a wrong part."""
+    rig = linked()
+    rig.say(DC1)
+    rig.hear(ACK, NAK)
+    assert rig.take() == b""
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+    assert "by ACK and then by NAK" in rig.end.reason
+
+
+def test_4_2_1_two_naks_before_the_copy_begins_draw_one_copy() -> None:
+    rig = linked()
+    first = rig.say(DC1)
+    rig.hear(NAK, NAK)
+    assert rig.take() == first
+
+
+def test_4_2_1_one_ack_too_many_after_an_early_copy_ends_the_job() -> None:
+    """The record was good in spite of the NAK inside it, and so was its copy: the control has it twice."""
+    rig = linked()
+    rig.hear(DC1)
+    rig.take(3)
+    rig.hear(NAK)
+    rig.take()
+    rig.hear(ACK)
+    rig.take(3)
+    rig.hear(ACK)
+    assert rig.take() == b""
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+    assert "one too many" in rig.end.reason
+
+
 def test_4_2_1_a_nak_before_the_record_is_complete_waits_for_its_end() -> None:
     rig = linked()
     rig.hear(DC1)

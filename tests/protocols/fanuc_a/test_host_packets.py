@@ -288,6 +288,17 @@ class Test53:
         assert why in bench.ended.reason
         assert {packet.kind for packet in bench.packets(bench.wait(30))} == {Kind.INVALID}
 
+    @pytest.mark.parametrize("sent", [0, 2])
+    def test_nak_for_what_comes_behind_a_packet_that_has_not_begun_skips_nothing(self, sent: int) -> None:
+        """That packet has been made, and none of it has been handed over: no control can have it."""
+        bench = expansion()
+        begun = bench.streaming(limit=sent * bench.packet)
+        bench.host.receive_data(encode_monitor(Monitor.NAK, number=0x31 + sent), bench.now)
+        after = bench.pull()
+        assert "was not sent" in bench.ended.reason
+        assert (bench.ended.bytes_low, bench.ended.bytes_high) == (0, sent * 256)
+        assert numbers(bench.packets(begun + after + bench.wait(30))) == " ".join(["30", "31"][:sent] + ["00"] * 2)
+
     def test_nak_for_the_next_packet_repeats_nothing(self) -> None:
         """What a spoilt invalid packet draws."""
         source = Trickle(PROGRAM[:300])

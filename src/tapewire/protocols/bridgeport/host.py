@@ -135,6 +135,9 @@ class BridgeportHost(Job):
             case State.HOLD:
                 self._events.put(Notice(text=f"it may have been a cancel: {self._what} is not waited for any more"))
                 self._rest()
+            case State.WAIT_ACK:
+                why = f"it may have been the answer to a record: if nothing follows, {ASK_AGAIN}"
+                self._events.put(Notice(text=why))
             case State.REST if self._name is not None:
                 self._name, self._spoilt_name = None, f"{fault} behind it"
             case _:

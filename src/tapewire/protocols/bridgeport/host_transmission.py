@@ -126,6 +126,7 @@ class LinkRecords:
         self._naks = 0
         self._asked_again = False
         self._acked_inside = False
+        self._copied_unasked = False
         self._wanted = params.first_record is FirstRecord.AT_ONCE
         self._emptied = False
         self.state = State.RECORD if self._wanted else State.WAIT_ACK
@@ -223,6 +224,7 @@ class LinkRecords:
             self._acked += self._text.own_end
             self._highest = self._acked
         elif self._asked_again:
+            self._copied_unasked = True
             self._send_again()
         else:
             self.state = State.WAIT_ACK
@@ -269,6 +271,10 @@ class LinkRecords:
         self._acked_inside = True
         if self._naks:
             self.problem = f"an ACK came inside a copy of record {self._index + 1}, which the control takes for another"
+        elif self._copied_unasked:
+            self.problem = (
+                f"an ACK came inside record {self._index + 1}, one too many: the control may have taken a record twice"
+            )
 
     def nak(self) -> None:
         """4.2.1: the same record again."""
@@ -277,12 +283,21 @@ class LinkRecords:
                 f"an ACK came inside record {self._index + 1} and a NAK behind it: the control may have taken a part "
                 "for the whole"
             )
+        elif self.state is State.RECORD and (self._wanted or not self._offset):
+            self._refused_before_it_began()
         elif self.state is State.RECORD:
             self._asked_again = True
         elif not self._record:
             self.ack()
         else:
             self._send_again()
+
+    def _refused_before_it_began(self) -> None:
+        """A copy that has not begun answers every NAK until then; a second copy would be taken for another record."""
+        if self._index and not self._naks:
+            self.problem = (
+                f"the control answered record {self._index} by ACK and then by NAK: it cannot be told whether it has it"
+            )
 
     def _send_again(self) -> None:
         self._asked_again = False

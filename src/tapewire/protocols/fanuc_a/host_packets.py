@@ -52,6 +52,8 @@ class PacketStream:
         self._kept: dict[int, _Kept] = {}
         self._built = 0
         self._position = 0
+        self._sent = self._sent_before = 0
+        """Packets that have gone out, or begun to; the same without the one given out last."""
         self._given: int | None = None
         self._asked_again: Counter[int] = Counter()
         self._proven = 0
@@ -112,6 +114,7 @@ class PacketStream:
         self._suspect = None
         self._given = self._position
         self._position += 1
+        self._sent_before, self._sent = self._sent, max(self._sent, self._position)
         self.end_begun = kept.wire[0] == END_NUMBER
         return kept.wire, kept.span
 
@@ -119,6 +122,7 @@ class PacketStream:
         """What was given out last has not been begun: it is not sent, or sent later."""
         if self._given is not None:
             self._position = self._given
+            self._sent = self._sent_before
         self._given = None
         self.end_begun = False
 
@@ -167,10 +171,10 @@ class PacketStream:
         self.stopped = True
 
     def _youngest(self, number: int) -> int | None:
-        """The youngest packet that bears `number`: the next one to be made, or one that has been sent before. After a
-        NAK that was not needed it may lie ahead: the control has what is being sent again, and says so.
+        """The youngest packet that bears `number`: the first one that has not been sent, or one that has. After a NAK
+        that was not needed it may lie ahead: the control has what is being sent again, and says so.
         """
-        youngest = self._built - 1 if self._end_built else self._built
+        youngest = min(self._sent, self._built - 1) if self._end_built else self._sent
         for count in range(youngest, max(-1, self._built - KEPT_PACKETS - 1), -1):
             if FIRST_NUMBER + count % KEPT_PACKETS == number:
                 return count
