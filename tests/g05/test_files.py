@@ -215,6 +215,9 @@ def test_a_path_with_feeds(tmp_path: Path, ending: str) -> None:
         ("in.nc", b"G01X1.F100\n", ("--start", "X0,Y0"), ["--start X0,Y0", "X, Y, Z"]),
         ("in.nc", b"G01X1.F100\n", ("--start", "X0,Y0,Z0", "--baud", 1200), ["9,625 baud", "1,200"]),
         ("in.nc", b"G01X1.F100\n", ("--start", "X0,Y0,Z0", "--tolerance", "0.001"), ["two increments"]),
+        ("in.nc", b"G01X1.F100\n", ("--start", "X0,Y0,Z0,X5"), ["--start X0,Y0,Z0,X5", "each once"]),
+        ("in.nc", b"G01X1.F100\n", ("--axis", "x"), ["--axis x", "capital letter"]),
+        ("in.nc", b"G01X1.F100\n", ("--axis", "X:mm:1e400"), ["inf", "below 1e12"]),
         ("in.nc", b"G01X1.F100\n", ("--axis", "XY"), ["--axis XY"]),
         ("in.nc", b"G01X1.F100\n", ("--axis", "X:furlong"), ["mm, inch, deg"]),
         ("in.nc", b"G01X1.F100\n", ("--axis", "X:mm:fast"), ["numbers"]),
@@ -340,3 +343,14 @@ def test_a_slow_section_of_the_general_format_is_seen_as_such() -> None:
 def test_two_cr_behind_the_eob_are_named_without_knowing_the_axes() -> None:
     with pytest.raises(ProgramError, match="line 3: two CR behind the EOB of G05"):
         checked(BEFORE + b"\r\r" + section(SPECIAL, 100) + AFTER)
+
+
+def test_decode_writes_nothing_where_the_picture_exists(tmp_path: Path) -> None:
+    source, out, drawn = (tmp_path / name for name in ("in.nc", "out.csv", "drawn.svg"))
+    source.write_bytes(BEFORE + section(SPECIAL, 100) + AFTER)
+    drawn.write_text("mine")
+    done = run("decode", source, out, "--picture", drawn)
+    assert (done.status, "drawn.svg exists" in done.stderr, out.exists()) == (2, True, False), done.stderr
+    assert drawn.read_text() == "mine"
+    assert run("decode", source, out, "--picture", drawn, "--force").status == 0
+    assert drawn.read_text().startswith("<svg")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Callable
 from dataclasses import asdict
@@ -170,6 +171,8 @@ def decode(file: Path, out: Path, picture: Path | None, force: bool, **words: An
     """Write the G05 sections of FILE as positions to OUT.csv, or as arrays of travel to OUT.npz."""
     from tapewire.transfer.binary import check_file, decode_file
 
+    if picture is not None and os.path.lexists(picture) and not force:
+        raise UsageError(f"{picture} exists; name another file, or say --force to replace it")
     done = decode_file(file, out, _asked(words, pictured=False), force=force)
     if picture is not None:
         check_file(file, _asked(words, pictured=True), picture, force=force)
@@ -217,7 +220,8 @@ def _axis(word: str) -> Axis:
     name, *rest = word.split(":")
     if not (len(name) == 1 and "A" <= name <= "Z") or name in "FGIJKMNORST" or len(rest) > 4:
         raise UsageError(
-            f"--axis {word}: NAME[:mm|inch|deg[:VELOCITY[:ACCELERATION[:JERK]]]] is expected, NAME a letter"
+            f"--axis {word}: NAME[:mm|inch|deg[:VELOCITY[:ACCELERATION[:JERK]]]] is expected, NAME the capital letter "
+            "of an axis"
         )
     if rest and rest[0] not in list(Unit):
         raise UsageError(f"--axis {word}: the unit is one of {', '.join(Unit)}")
@@ -231,12 +235,13 @@ def _axis(word: str) -> Axis:
 
 def _place(text: str, names: tuple[str, ...]) -> tuple[float, ...]:
     values: dict[str, float] = {}
-    for word in text.split(","):
+    words = text.split(",")
+    for word in words:
         try:
             values[word[:1]] = float(word[1:])
         except ValueError:
             raise UsageError(f"--start {text}: a position such as X0,Y0,Z50 is expected") from None
-    if set(values) != set(names) or not all(abs(value) < 1e6 for value in values.values()):
+    if len(words) != len(names) or set(values) != set(names) or not all(abs(value) < 1e6 for value in values.values()):
         raise UsageError(f"--start {text}: it says where {', '.join(names)} are, each once, within a million units")
     return tuple(values[name] for name in names)
 

@@ -35,7 +35,7 @@ class Axis:
             ("jerk", self.jerk),
         ):
             if not 0 < value < 1e12:
-                raise UsageError(f"axis {self.name}: its {what} limit is {value:g}, and must be above 0")
+                raise UsageError(f"axis {self.name}: its {what} limit is {value:g}, and must be above 0 and below 1e12")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
