@@ -241,6 +241,24 @@ def test_4_2_1_one_ack_too_many_after_an_early_copy_ends_the_job() -> None:
     assert "one too many" in rig.end.reason
 
 
+@pytest.mark.parametrize(("early", "outcome"), [(True, Outcome.FAILED), (False, Outcome.COMPLETE)])
+def test_4_2_1_an_ack_behind_the_end_is_one_too_many_only_where_a_copy_was_unasked(
+    early: bool, outcome: Outcome
+) -> None:
+    """A control that holds every ACK back until the next record is out has its last one come behind EOT."""
+    rig = linked()
+    rig.hear(DC1)
+    if early:
+        rig.take(3)
+        rig.hear(NAK)
+    while EOT not in rig.take():
+        rig.hear(ACK)
+    rig.hear(ACK)
+    rig.wait(60 * SECOND)
+    assert rig.end is not None
+    assert rig.end.outcome is outcome, rig.end.reason
+
+
 def test_4_2_1_a_nak_before_the_record_is_complete_waits_for_its_end() -> None:
     rig = linked()
     rig.hear(DC1)

@@ -402,8 +402,10 @@ class BridgeportHost(Job):
 
     def _on_ack(self, now: Nanos) -> None:
         """4.2.1: the next record. While XOFF holds, 3.2 still wants an XON first."""
-        assert isinstance(self._transmission, LinkRecords)
-        if self._state is State.RECORD:
+        if not isinstance(self._transmission, LinkRecords):
+            self._ignore(Heard.ACK, self._params.ack)
+            return
+        if self._state in (State.RECORD, State.TAIL):
             self._ignore(Heard.ACK, self._params.ack)
             self._transmission.ack_inside()
         else:

@@ -143,6 +143,7 @@ LAW: Final[dict[tuple[State, Heard], frozenset[State]]] = {
     (State.RECORD, Heard.ACK): frozenset({State.RECORD, State.REST}),
     (State.WAIT_ACK, Heard.NAK): frozenset({State.RECORD, State.REST}),
     (State.TAIL, Heard.NAK): frozenset({State.TAIL, State.REST}),
+    (State.TAIL, Heard.ACK): frozenset({State.TAIL, State.REST}),
     (State.WAIT_ACK, Heard.ACK): frozenset({State.RECORD, State.TAIL, State.REST}),
 }
 """What each character may do in each state (chapter 1, 3, 4). A pair without a row changes nothing: at rest and while

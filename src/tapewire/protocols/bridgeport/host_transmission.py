@@ -272,9 +272,8 @@ class LinkRecords:
         if self._naks:
             self.problem = f"an ACK came inside a copy of record {self._index + 1}, which the control takes for another"
         elif self._copied_unasked:
-            self.problem = (
-                f"an ACK came inside record {self._index + 1}, one too many: the control may have taken a record twice"
-            )
+            where = "at the end" if self.state is State.TAIL else f"inside record {self._index + 1}"
+            self.problem = f"an ACK came {where}, one too many: the control may have taken a record twice"
 
     def nak(self) -> None:
         """4.2.1: the same record again."""
