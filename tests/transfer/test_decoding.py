@@ -20,7 +20,8 @@ from tapewire.line.capture import ALL_ON, Happening, Lines, Origin, Record, Side
 from tapewire.protocols import PROTOCOLS
 from tapewire.protocols.settings import End
 from tapewire.transfer.decoding.chart import MOST_ENTRIES, Chart
-from tapewire.transfer.decoding.dialogue import Dialogue, Entry, Kind, Spoken
+from tapewire.transfer.decoding.dialogue import Dialogue, Spoken
+from tapewire.transfer.decoding.entry import Entry, Kind
 from tapewire.transfer.decoding.folding import Fold, fold
 from tapewire.transfer.decoding.reading import Began, Decoded, Figures, Told, decode
 from tapewire.transfer.decoding.recognise import Asked, Stream

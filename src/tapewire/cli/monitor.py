@@ -28,7 +28,7 @@ from tapewire.line.relay import Damaged
 from tapewire.protocols import PROTOCOLS
 from tapewire.protocols import protocol as protocol_called
 from tapewire.protocols.settings import End
-from tapewire.transfer.decoding.dialogue import Entry
+from tapewire.transfer.decoding.entry import Entry
 from tapewire.transfer.decoding.recognise import Asked
 from tapewire.transfer.decoding.text import entry_fields, entry_line, unix_time
 from tapewire.transfer.monitoring import MonitorSettings

@@ -32,7 +32,7 @@ from tapewire.engine import (
     Started,
     Violation,
 )
-from tapewire.transfer.decoding.dialogue import Entry
+from tapewire.transfer.decoding.entry import Entry
 from tapewire.transfer.reports import Progress, Ready, Report, Result, StopDistanceTold
 
 if TYPE_CHECKING:

@@ -67,7 +67,7 @@ class ControlTask:
             raise UsageError("a control that punches needs the program to punch, and only then")
         if self.operation is Operation.PUNCH and self.save is not None:
             raise UsageError("a control that punches takes nothing that could be saved")
-        if self.faults is not None and self.faults.name != "clean":
+        if self.faults is not None and self.faults.faults:
             made, missing = made_on_a_line(self.faults, LineEnd.CONTROL)
             if not made.faults:
                 raise UsageError(f"nothing of {self.faults.name} can be made on a real line: {'; '.join(missing)}")

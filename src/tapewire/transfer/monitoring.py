@@ -20,7 +20,7 @@ from tapewire.line.pacing import default_window
 from tapewire.line.relay import Damaged, Relay
 from tapewire.line.transport import Closed, Fault, LineItem
 from tapewire.transfer.capturing import JobCapture
-from tapewire.transfer.decoding.dialogue import Entry
+from tapewire.transfer.decoding.entry import Entry
 from tapewire.transfer.decoding.recognise import Asked, Stream
 from tapewire.transfer.reports import Observer, Ready, Result, nothing
 

@@ -13,7 +13,7 @@ from xml.sax.saxutils import escape
 from tapewire.engine import SECOND, Nanos
 from tapewire.line.capture import Side
 from tapewire.line.capture_reader import Problem
-from tapewire.transfer.decoding.dialogue import Entry, Kind
+from tapewire.transfer.decoding.entry import Entry, Kind
 from tapewire.transfer.decoding.folding import Fold, Row, fold
 from tapewire.transfer.decoding.reading import Began, Decoded, Figures, Told
 from tapewire.transfer.decoding.text import line_of, program_text

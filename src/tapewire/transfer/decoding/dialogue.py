@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Any, Final
 
 from tapewire.codes import name_of
@@ -15,8 +14,9 @@ from tapewire.protocols import ProtocolEntry, Reader
 from tapewire.protocols.listening import Listener, Word
 from tapewire.protocols.settings import End
 from tapewire.sim.transcript import quote
+from tapewire.transfer.decoding.entry import Entry, Kind
 
-__all__ = ["Dialogue", "Entry", "Kind", "Spoken"]
+__all__ = ["Dialogue", "Spoken"]
 
 SILENCE: Final[Nanos] = 2 * SECOND
 """A run of program bytes ends when nothing more comes for so long, so that a stall can be seen."""
@@ -31,33 +31,6 @@ _OF_ONE_SIDE: Final = {Happening.SENT, Happening.SENT_ALL}
 _OF_THE_OTHER: Final = {Happening.RECEIVED, Happening.RECEIVED_ALL}
 _END: Final = {Side.HOST: End.HOST, Side.CONTROL: End.CONTROL}
 _NAMES: Final = {line: str(line.name) for line in Lines}
-
-
-class Kind(StrEnum):
-    """What an entry of a dialogue is."""
-
-    SAID = "said"
-    """A code or a message by its name."""
-    PROGRAM = "program"
-    """A run of program bytes."""
-    SIGNALS = "signals"
-    FAULT = "fault"
-    """A character arrived damaged."""
-    VIOLATION = "violation"
-    """Against the rules of the protocol or of the line."""
-    NOTE = "note"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
-    """One line of a dialogue. `side` said it, None where nobody did; `count` program bytes came `at` to `until`."""
-
-    kind: Kind
-    at: Nanos
-    until: Nanos
-    text: str
-    side: Side | None = None
-    count: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from typing import Final, TypeAlias
 
 from tapewire.engine import Nanos
 from tapewire.line.capture import Side
-from tapewire.transfer.decoding.dialogue import Entry, Kind
+from tapewire.transfer.decoding.entry import Entry, Kind
 
 __all__ = ["Fold", "Row", "fold"]
 

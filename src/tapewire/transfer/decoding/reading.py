@@ -9,7 +9,7 @@ from typing import TypeAlias
 from tapewire.engine import Nanos
 from tapewire.line.capture import Origin
 from tapewire.line.capture_reader import Packet, Problem, Readable, read_capture
-from tapewire.transfer.decoding.dialogue import Entry
+from tapewire.transfer.decoding.entry import Entry
 from tapewire.transfer.decoding.recognise import Asked, Stream
 
 __all__ = ["Began", "Decoded", "Figures", "Told", "decode"]

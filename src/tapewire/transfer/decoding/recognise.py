@@ -10,7 +10,8 @@ from tapewire.errors import UsageError
 from tapewire.line.capture import Origin, Record, Side
 from tapewire.protocols import PROTOCOLS, ProtocolEntry, protocol
 from tapewire.protocols.settings import End
-from tapewire.transfer.decoding.dialogue import Dialogue, Entry, Spoken
+from tapewire.transfer.decoding.dialogue import Dialogue, Spoken
+from tapewire.transfer.decoding.entry import Entry
 
 __all__ = ["Asked", "Stream", "recognise"]
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 from tapewire.engine import SECOND, Nanos
 from tapewire.line.capture import Side
 from tapewire.line.capture_reader import Problem
-from tapewire.transfer.decoding.dialogue import Entry, Kind
+from tapewire.transfer.decoding.entry import Entry, Kind
 from tapewire.transfer.decoding.reading import Began, Decoded, Figures, Told
 
 __all__ = ["NAMES", "entry_fields", "entry_line", "fields_of", "line_of", "program_text", "unix_time"]
