@@ -178,3 +178,16 @@ class Exchange:
         since = max(self._heard_at, self.outbox.left_at or self._heard_at)
         margin = round(self._params.margin * SECOND)
         self._timers.start(Timer.SILENCE, max(since + self._agreement.longest_silence, now) + margin)
+
+    def watch_from(self, armed_at: Nanos) -> None:
+        """A program is armed while packets are on that hold nothing of it. Whatever they wait for, its operator has
+        come: a control that is still among packets answers RESET by CAN, and one that has left them, for an open line,
+        waits for SYN and hears no packet (4.6 1)). What we send says nothing about that.
+        """
+        if self.outbox.idle and not self.reader.pending and self._heard_at is not None:
+            margin = round(self._params.margin * SECOND)
+            self._timers.start(
+                Timer.SILENCE, max(self._heard_at, armed_at) + self._agreement.longest_silence + margin
+            )
+        else:
+            self._timers.stop(Timer.SILENCE)
