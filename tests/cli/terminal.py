@@ -7,8 +7,8 @@ import os
 import pty
 import re
 import select
-import struct
 import signal
+import struct
 import sys
 import termios
 import time
@@ -206,9 +206,9 @@ def _become_tapewire(terminal: int, words: list[str]) -> None:
         for name in ("COLUMNS", "LINES", "NO_COLOR"):
             os.environ.pop(name, None)
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        sys.stdin = sys.__stdin__ = open(0)  # noqa: SIM115
-        sys.stdout = sys.__stdout__ = open(1, "w", buffering=1)  # noqa: SIM115
-        sys.stderr = sys.__stderr__ = open(2, "w", buffering=1)  # noqa: SIM115
+        sys.stdin = open(0)  # noqa: SIM115
+        sys.stdout = open(1, "w", buffering=1)  # noqa: SIM115
+        sys.stderr = open(2, "w", buffering=1)  # noqa: SIM115
         main(words, prog_name="tapewire")
     except SystemExit as ended:
         status = ended.code if isinstance(ended.code, int) else 98
