@@ -345,7 +345,7 @@ def test_4_6_a_program_armed_among_packets_of_none_does_not_wait_for_a_control_t
     assert bench.all(Ended)[-1].reason == "a monitor packet could not be read and nothing came after it"
     assert bench.wait(60) == b""
     bench.arm()
-    assert Message(command=Command.SYN) in bench.messages(bench.wait(10))
+    assert Message(command=Command.SYN) in bench.messages(bench.wait(25))
     bench.power_on()
     assert bench.packets(bench.say(Command.GTD))[0].number == 0x30
 
