@@ -75,11 +75,12 @@ class Tap:
 
     def listen(self, link: Link) -> None:
         link.on_write = self._write if self.stops else self.sent.extend
-        link.on_recall = self._recalled
+        link.on_recall = self.never_left
         before = link.on_item
         link.on_item = self._hear if before is None else _both(self._hear, before)
 
-    def _recalled(self, count: int) -> None:
+    def never_left(self, count: int) -> None:
+        """The last `count` characters handed over were called back, or lost with the power."""
         if count:
             del self.sent[-count:]
 

@@ -11,6 +11,7 @@ from typing import Final
 
 from tapewire.engine import MILLISECOND, SECOND, Nanos
 from tapewire.line.pacing import character_time, default_window
+from tapewire.line.paths import PATHS, TransmitterEmpty
 from tapewire.protocols import PROTOCOLS
 from tapewire.protocols.settings import End
 from tapewire.sim.programs import LEAST_BYTES, MOST_BYTES, program, program_with_cr_lf
@@ -176,7 +177,7 @@ def draw(protocol: str, preset: str, seed: int, *, path: str | None = None, punc
         settings=settings,
         grain=draws.choice((1, 8, 16, 32, 64, 128, 128)) if size < SMALL_BYTES else draws.choice((16, 64, 128, 128)),
         cnc_window=_cnc_window(draws, protocol, settings, size, direction),
-        window=_wide_window(draws, protocol, baud, size, direction),
+        window=_wide_window(draws, protocol, baud, size, direction, path),
         late=draws.choice((0, 0, 1, 15)) * MILLISECOND,
         source_pauses=draws.choice((0.0, 0.0, 0.0, 0.05)),
         start=round(draws.choice((0.0, draws.uniform(0, 3))) * SECOND),
@@ -196,12 +197,13 @@ def _cnc_window(draws: Draws, protocol: str, settings: Settings, size: int, dire
     return draws.choice((1, 2, 2, 16))
 
 
-def _wide_window(draws: Draws, protocol: str, baud: int, size: int, direction: Direction) -> int | None:
-    """Bridgeport's three characters make a host go two by two. Most of its large transfers have more in flight, as by
-    way of a serial server; then too much may come after XOFF, and that is told.
+def _wide_window(draws: Draws, protocol: str, baud: int, size: int, direction: Direction, path: str) -> int | None:
+    """Bridgeport's three characters make a host go two by two: where the transmitter can be asked, in a closed loop.
+    Elsewhere most large transfers have more in flight; then too much may come after XOFF, and that is told.
     """
     is_slow = protocol == "bridgeport" and direction is Direction.SEND and size > SMALL_BYTES
-    return default_window(baud, MOST_BYTES) if is_slow and draws.happens(0.9) else None
+    wide = is_slow and draws.happens(0.9) and PATHS[path].transmitter_empty is not TransmitterEmpty.ASKED
+    return default_window(baud, MOST_BYTES) if wide else None
 
 
 def _size(draws: Draws) -> int:

@@ -12,9 +12,11 @@ from typing import Any, Final
 from tapewire.engine import SECOND, AfterStop, Ended, Event, Nanos, Outcome
 from tapewire.errors import UsageError
 from tapewire.line.faults.damage import Parity
-from tapewire.line.faults.plan import CutPower, EndFault, Extent, FaultPlan, LineEnd, RestartProcess, StepClock
+from tapewire.line.faults.plan import CutPower, EndFault, Extent, FaultPlan, LineEnd, RestartProcess, StepClock, Wire
 from tapewire.line.faults.when import next_moment
 from tapewire.line.paths import PATHS
+from tapewire.line.reception import Cut
+from tapewire.line.transport import Fault
 from tapewire.sim.beliefs import disagreement
 from tapewire.sim.evidence import Attempt, Evidence, Job
 from tapewire.sim.execution import BlockTime, Speeds
@@ -394,22 +396,30 @@ class Trial:
                 pair.host_side.asleep_until = max(pair.host_side.asleep_until, now + step)
             case RestartProcess(off=off) if not pair.host_side.off:
                 self._host_dies()
+                pair.kill_host(now)
                 self.world.at(now + off, self._host_returns)
             case CutPower(end=LineEnd.HOST, off=off) if not pair.host_side.off:
                 self._host_dies()
-                pair.cut_power(pair.host_side, now)
+                self._note_cut(pair.cut_power(pair.host_side, now), Wire.FROM_HOST)
                 self.world.at(now + off, self._host_returns)
             case CutPower(end=LineEnd.CONTROL, off=off) if not pair.cnc_side.off:
                 self._busy = False
-                pair.cut_power(pair.cnc_side, now)
+                self._note_cut(pair.cut_power(pair.cnc_side, now), Wire.FROM_CONTROL)
                 self.world.at(now + off, self._control_returns)
             case _:
                 pass
 
+    def _note_cut(self, cut: Cut, wire: Wire) -> None:
+        """What was under way counts as sent if something was read of it, and as damaged if that is something else."""
+        tap = self.evidence.host if wire is Wire.FROM_HOST else self.evidence.cnc
+        tap.never_left(cut.lost - isinstance(cut.read, bytes))
+        if cut.read is not None and cut.read != cut.was:
+            place = len(tap.sent) + isinstance(cut.read, Fault)
+            self.pair.line.log.note(self.world.now, "cut character", wire, place, cut.was, (cut.read,))
+
     def _host_dies(self) -> None:
         if (job := self._job) is not None:
             job.killed = True
-        self.pair.host_side.off = True
 
     def _host_returns(self) -> None:
         """The program starts anew, with nothing armed: it resumes nothing by itself."""
