@@ -18,8 +18,9 @@ from tapewire.line.paths import PATHS
 from tapewire.line.reception import Cut
 from tapewire.line.transport import Fault
 from tapewire.sim.beliefs import disagreement
-from tapewire.sim.evidence import Attempt, Evidence, Job
+from tapewire.sim.evidence import Attempt, Evidence, Job, Wait
 from tapewire.sim.execution import BlockTime, Speeds
+from tapewire.sim.frames import last_code
 from tapewire.sim.machine import Control
 from tapewire.sim.memory import footprint
 from tapewire.sim.pair import Pair
@@ -96,7 +97,7 @@ class Trial:
 
     def __init__(self, scenario: Scenario, plan: FaultPlan, *, kept_lines: int = 0) -> None:
         self.scenario = scenario
-        self.evidence = Evidence(program=scenario.program)
+        self.evidence = Evidence(program=scenario.program, expected=scenario.expected)
         self.world = World(scenario.seed, kept_lines=kept_lines)
         self._plan = plan
         self._draws = Draws(scenario.seed, scenario.protocol, scenario.preset, "trial")
@@ -146,10 +147,11 @@ class Trial:
         return {"blocks_per_second": scenario.blocks_per_second, "binary": None}
 
     def _tap(self, pair: Pair) -> None:
-        if self._sends and not self.scenario.protocol.startswith("fanuc-a"):
-            # DC3; DC1, or what ends or begins a transfer: NAK, SYN, and DLE, DC2 of Bridgeport.
-            self.evidence.host.stops = frozenset(b"\x13\x93")
-            self.evidence.host.goes = frozenset(b"\x10\x11\x12\x15\x16\x95\x96")
+        if not self.scenario.protocol.startswith("fanuc-a"):
+            codes = self.scenario.codes
+            self.evidence.host.codes = codes.all
+            if self._sends:
+                self.evidence.host.stops, self.evidence.host.goes = codes.stops, codes.goes
         self.evidence.host.listen(pair.host_link)
         self.evidence.cnc.listen(pair.cnc_link)
 
@@ -177,6 +179,7 @@ class Trial:
     def _cnc_event(self, event: Event, now: Nanos) -> None:
         if isinstance(event, Ended):
             self._step(now)
+            self.evidence.control_ends.append((now, event.outcome))
             self._busy = False
         elif isinstance(event, AfterStop):
             self.evidence.overruns.append((now, event.count, event.allowed))
@@ -231,6 +234,7 @@ class Trial:
             armed=self._job is not None,
             place=len(self.evidence.host.sent),
             heard=len(self.evidence.cnc.sent),
+            brought=len(self.evidence.cnc.brought if self._sends else self.evidence.host.brought),
         )
         try:
             if self._sends:
@@ -282,8 +286,14 @@ class Trial:
 
     def _end_the_waiting(self) -> None:
         evidence = self.evidence
-        evidence.waited += ["host"] * (self._job is not None) + ["control"] * self._busy
-        evidence.waiting_since = len(evidence.acts)
+        wait = Wait(
+            who=("host",) * (self._job is not None) + ("control",) * self._busy,
+            job=evidence.jobs[-1],
+            attempt=evidence.attempts[-1] if evidence.attempts else None,
+            said=last_code(bytes(evidence.cnc.sent), evidence.host.codes),
+            heard=evidence.host.last_code,
+        )
+        evidence.waits.append(wait)
         if not self.pair.cnc_side.off:
             self._reset()
         self.world.advance(self._is_over, self.world.now + AFTER_RESET)
