@@ -50,7 +50,7 @@ def _digits(digits: bytes) -> int | None:
 
 
 def forged_records(sent: bytes, brought: bytes, lrc: str, ends: frozenset[int]) -> bool:
-    """Some record of DNC LINK was brought that was not sent, with a right check character (2.2) behind one of `ends`."""
+    """Some record of DNC LINK was brought that was not sent, its check character right (2.2). `ends` end a record."""
     sent, brought = bytes(byte & 0x7F for byte in sent), bytes(byte & 0x7F for byte in brought)
     places = [at for at, byte in enumerate(brought[:-1]) if byte in ends]
     starts = [0, *(end + 2 for end in places)]

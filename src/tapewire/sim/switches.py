@@ -129,8 +129,8 @@ _FOREIGN_CODES: Final[tuple[Mapping[str, str], ...]] = (
 """Tables that a Bridgeport control may have instead of ours: the same at both ends."""
 
 FOREIGN: Final = 0.15
-"""How often each of these is so: foreign codes, a program that is converted, a host that finds out by itself how records
-are checked, and one that answers the end of what the control sends by XOFF.
+"""How often each of these is so: foreign codes, a program that is converted, a host that finds out by itself how its
+records are checked, and one that answers the end of what the control sends by XOFF.
 """
 
 _ANYWAY: Final = frozenset({"mode"})
