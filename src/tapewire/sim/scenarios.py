@@ -82,6 +82,8 @@ class Codes:
     """and these let him go on, or end or begin a transfer."""
     answers: frozenset[int] = frozenset()
     """ACK and NAK,"""
+    ends: frozenset[int] = frozenset()
+    """what ends a text,"""
     record_ends: frozenset[int] = frozenset()
     """and what ends a record."""
 
@@ -149,6 +151,7 @@ class Scenario:
             stops=_with_parity(stop),
             goes=_with_parity(goes),
             answers=_with_parity({table.ack, table.nak}),
+            ends=_with_parity({table.text_end}),
             record_ends=frozenset({table.rec_end, table.rec_end_last}),
         )
 

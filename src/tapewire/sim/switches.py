@@ -173,7 +173,7 @@ def _make_foreign(protocol: str, host: dict[str, str], cnc: dict[str, str], draw
         if draws.happens(FOREIGN):
             host["lrc"] = "auto"
         if draws.happens(FOREIGN):
-            host["closing_dc3"] = "on"
+            host["closing_dc3"] = cnc["closing_dc3"] = "on"
     elif protocol.startswith("fanuc-a") and draws.happens(FOREIGN):
         # 4.4.2: 45-48 of SET. The control has every X read as U.
         code = DataCode(host.get("data", "ascii"))

@@ -249,6 +249,10 @@ class Excuses:
         if not wait.job.complete:
             # The rest of its work is its operator's.
             return "the host's job is over, and the control waits for RESET"
+        # The last check character was answered, and nothing answers the end code behind it (4.2).
+        hit = [damage for damage in self._evidence.on(Wire.FROM_HOST) if self._in_time(damage.moment, wait.job)]
+        if self._linked and any(self._codes.ends & set(damage.sent) for damage in hit):
+            return "the end code lost behind a program that is whole"
         return self.short(wait.attempt, wait.job)
 
     def _lost_the_thread(self, wait: Wait) -> str:
