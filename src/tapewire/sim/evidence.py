@@ -14,7 +14,7 @@ from tapewire.line.faults.log import Injected
 from tapewire.line.faults.plan import EndFault, Wire
 from tapewire.line.link import Link
 from tapewire.line.transport import Fault, LineItem
-from tapewire.sim.frames import last_code
+from tapewire.sim.frames import LAST_CODES, last_codes
 
 __all__ = ["Attempt", "Damage", "Evidence", "Job", "Tap", "Wait"]
 
@@ -72,8 +72,8 @@ class Tap:
     """and those that let it go on, or end what it was doing."""
     codes: frozenset[int] = frozenset()
     """What counts as a code where codes are listened for."""
-    last_code: int | None = None
-    """The last one that was brought unmarked."""
+    last_codes: bytes = b""
+    """The last ones that were brought unmarked."""
     after_stop: int = 0
     """Characters handed over between one and the other."""
     _stopped: bool = False
@@ -97,8 +97,8 @@ class Tap:
     def _hear(self, item: LineItem, now: Nanos) -> None:
         if isinstance(item, bytes):
             self.brought += item
-            if self.codes and (code := last_code(item, self.codes)) is not None:
-                self.last_code = code
+            if self.codes and (found := last_codes(item, self.codes)):
+                self.last_codes = (self.last_codes + found)[-LAST_CODES:]
             for byte in item if self.stops else b"":
                 self._stopped = byte in self.stops or (self._stopped and byte not in self.goes)
         elif isinstance(item, Fault) and item.byte is not None:
@@ -161,10 +161,10 @@ class Wait:
     """Those who were still waiting."""
     job: Job
     attempt: Attempt | None
-    said: int | None
-    """The last code that the control had said,"""
-    heard: int | None
-    """and the last one that had come to the host unmarked."""
+    said: bytes
+    """The last codes that the control had said,"""
+    heard: bytes
+    """and the last ones that had come to the host unmarked."""
 
 
 @dataclass(slots=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from itertools import accumulate
 from typing import Final
 
-__all__ = ["cancelled_sums", "ends_with_stop", "forged_records", "last_code", "text_of"]
+__all__ = ["LAST_CODES", "cancelled_sums", "ends_with_stop", "forged_records", "last_codes", "text_of"]
 
 _HEX: Final = {bytes((digit,)): value for value, digit in enumerate(b"0123456789ABCDEF")}
 _LRC_XOR_BITS: Final = 0x7F
@@ -75,6 +75,9 @@ def _check(text: bytes, end: int, lrc: str) -> int:
     return (-value if lrc.startswith("neg7") else value) & _LRC_XOR_BITS
 
 
+LAST_CODES: Final = 3
+"""What both ends do at the moment hangs on so many of the last codes: a name, its end, the request behind it."""
+
 _NO_TEXT: Final = bytes(
     byte for byte in range(256) if byte & 0x7F == 0x7F or (byte & 0x7F < 0x20 and byte & 0x7F not in b"\t\n\r")
 )
@@ -86,10 +89,10 @@ def text_of(data: bytes) -> bytes:
     return data.translate(_SEVEN_BITS, _NO_TEXT)
 
 
-def last_code(data: bytes, codes: frozenset[int]) -> int | None:
-    """The last of `codes` in `data`, without its parity bit; None where there is none."""
+def last_codes(data: bytes, codes: frozenset[int]) -> bytes:
+    """The last of `codes` in `data`, at most three, without their parity bits."""
     found = data.translate(None, bytes(byte for byte in range(256) if byte not in codes))
-    return found[-1] & 0x7F if found else None
+    return found[-LAST_CODES:].translate(_SEVEN_BITS)
 
 
 def ends_with_stop(brought: bytes) -> bool:

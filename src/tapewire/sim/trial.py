@@ -20,7 +20,7 @@ from tapewire.line.transport import Fault
 from tapewire.sim.beliefs import disagreement
 from tapewire.sim.evidence import Attempt, Evidence, Job, Wait
 from tapewire.sim.execution import BlockTime, Speeds
-from tapewire.sim.frames import last_code
+from tapewire.sim.frames import last_codes
 from tapewire.sim.machine import Control
 from tapewire.sim.memory import footprint
 from tapewire.sim.pair import Pair
@@ -290,8 +290,8 @@ class Trial:
             who=("host",) * (self._job is not None) + ("control",) * self._busy,
             job=evidence.jobs[-1],
             attempt=evidence.attempts[-1] if evidence.attempts else None,
-            said=last_code(bytes(evidence.cnc.sent), evidence.host.codes),
-            heard=evidence.host.last_code,
+            said=last_codes(bytes(evidence.cnc.sent), evidence.host.codes),
+            heard=evidence.host.last_codes,
         )
         evidence.waits.append(wait)
         if not self.pair.cnc_side.off:

@@ -31,7 +31,7 @@ def first_difference(got: bytes, program: bytes) -> int | None:
 _BRIDGEPORT_NAME: Final = frozenset(b"0123456789;LD")
 
 _FORGED: Final = "a control code lost or forged"
-_DC3: Final = 0x13
+_DC3: Final = b"\x13"
 
 
 class Excuses:
@@ -46,7 +46,9 @@ class Excuses:
         self._data_wire = Wire.FROM_HOST if self._sends else Wire.FROM_CONTROL
         self._frame = 4 if self._is_b else 20
         """Characters a place may be off by the codes between program and wire: DC2, DC3; DC2 again and a name."""
-        self._linked = scenario.settings.cnc.get("mode", "D") == "D" and scenario.protocol == "bridgeport"
+        cnc = scenario.settings.cnc
+        named = cnc.get("program") != "-1"
+        self._linked = scenario.protocol == "bridgeport" and cnc.get("mode", "D") == "D" and named
         self._codes = scenario.codes
 
     # what happened, and would not have been noticed
@@ -287,7 +289,7 @@ class Excuses:
         er_unseen = not scenario.has_signals or scenario.settings.host.get("er") == "hidden"
         blind = er_unseen and scenario.settings.host.get("posting") == "off"
         ended = self._control_ended(wait.job, Outcome.FAILED, Outcome.CANCELLED)
-        return blind and ended and wait.heard == _DC3
+        return blind and ended and wait.heard.endswith(_DC3)
 
     def _left_while_holding(self, job: Job) -> str:
         """5.3 3): a host that was told to wait waits for the next monitor packet, and an open line says nothing."""
