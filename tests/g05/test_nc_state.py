@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -127,7 +128,8 @@ def test_how_far_radii_may_differ_is_the_same_length_on_an_inch_machine() -> Non
         text = f"{'G20' if words else 'G21'}F10.\nG02X{2 + off:.4f}I1."
         return sum(len(piece) for piece in NcReader([text], Reading(axes=("X", "Y"), start=(0, 0), **words)).moves())
 
-    assert ends(0.009) and ends(0.0003, inch_machine=True)
+    assert ends(0.009)
+    assert ends(0.0003, inch_machine=True)
     for off, words in ((0.02, {}), (0.0009, {"inch_machine": True})):
         with pytest.raises(ProgramError, match="begins with the radius"):
             ends(off, **words)
@@ -153,7 +155,7 @@ PLAIN = st.sampled_from(["X1.Y2.\n", "X1.5\nY-.5Z3.\n", "G1X.1F20.\n", "G00X5.\n
 def test_runs_are_read_as_block_by_block(parts: list[str], cuts: list[int]) -> None:
     text = "G01X0Y0Z0F100.\nX1.\n" + "".join(parts)
     places = [0, *sorted(min(cut, len(text)) for cut in cuts), len(text)]
-    whole = outcome([text[begin:end] for begin, end in zip(places, places[1:], strict=False)])
+    whole = outcome([text[begin:end] for begin, end in itertools.pairwise(places)])
     assert whole == outcome(text.splitlines(keepends=True))
 
 
