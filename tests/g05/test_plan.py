@@ -272,3 +272,13 @@ def test_steps_too_short_for_a_move_add_up() -> None:
     assert travel.sum(axis=0).tolist() == np.rint(points[-1] * 1000).astype(int).tolist()
     blocks = list(blocks_of([Moves(ends=points[1:], speeds=np.full(100_000, 1.0))], points[0], 1e-6))
     assert sum(map(len, blocks)) > 30_000
+
+
+@pytest.mark.parametrize("start", [0.0, 0.0004999, -2.0004999])
+@pytest.mark.parametrize("way", [0.0000002, -0.0000002, 1.0000002, 0.9999998])
+def test_the_end_is_exact_to_the_increment(start: float, way: float) -> None:
+    """Where it lies beside the half of an increment, and the last step is too short to be planned."""
+    points = np.array([[start, 0, 0], [start + round(way), 0, 0], [start + way, 0, 0]])
+    travel, _ = planned(planning_of(), points)
+    ends = np.rint(points[[0, -1]] * 1000).astype(int)
+    assert (travel.sum(axis=0) == ends[1] - ends[0]).all()

@@ -99,6 +99,7 @@ class Plan:
         self._out = np.repeat(start[:, None], 3 + self._ticks, axis=1)
         self._quantiser = Quantiser(np.rint(start * self._per_unit).astype(np.int64))
         self._peaks = [np.zeros(len(start)) for _ in range(3)]
+        self._end = start
 
     def _slowest_limit(self, planning: Planning) -> Floats:
         """One increment per unit time is kept free, so that rounding breaks no limit; nor does a record's range."""
@@ -117,7 +118,8 @@ class Plan:
         """(records, axes) of increments, piece by piece. Raises ProgramError for what cannot be planned."""
         shortest = 1e-3 / float(self._per_unit.max())
         start = self._raw[:, -1].copy()
-        for block in blocks_of(moves, start, shortest):
+        self._end = start
+        for block in blocks_of(self._watched(moves), start, shortest):
             self._refuse_creeping(block)
             self.report.moves += len(block)
             self.report.path_length += float(block.lengths.sum())
@@ -127,8 +129,15 @@ class Plan:
                 yield self._quantised(self._advance(last=False))
         while len(self._pending):
             yield self._quantised(self._advance(last=len(self._pending) < 2 * BLOCK_MOVES))
-        yield self._counted(self._quantiser.finish())
+        yield self._counted(self._quantiser.finish(self._end * self._per_unit))
         self._close()
+
+    def _watched(self, moves: Iterable[Moves]) -> Iterator[Moves]:
+        """Where they end, moves too short to be planned included."""
+        for block in moves:
+            if len(block):
+                self._end = block.ends[-1]
+            yield block
 
     def _refuse_creeping(self, path: Path) -> None:
         """A feed below an increment per unit time would need units of time without motion."""

@@ -48,10 +48,9 @@ class Quantiser:
         self._moving = True
         return self._finished(exact[:, begin:end], whole[:, begin:end], steps[:, begin : end + 1])
 
-    def finish(self) -> Whole:
-        """The last travel."""
-        whole = np.rint(self._held[:, :1]).astype(np.int64)
-        steps = self._steps(whole)
+    def finish(self, end: Floats) -> Whole:
+        """The last travel, to `end` (axes,) exactly, whatever has become of the last decimals on the way there."""
+        steps = self._steps(np.rint(end).astype(np.int64)[:, None])
         return np.ascontiguousarray(steps[:, steps.any(axis=0)].T)
 
     def _steps(self, whole: Whole) -> Whole:
