@@ -20,7 +20,7 @@ import numpy as np
 from tapewire.errors import ProgramError
 from tapewire.g05.modes import ModalWatch
 from tapewire.g05.path import Moves
-from tapewire.g05.sections import find_g05
+from tapewire.g05.sections import find_g05, find_g05_with_point
 from tapewire.nc.arcs import RADIUS_ERROR_MM, Arc, chords
 from tapewire.nc.modal import MODES, Modal, Places, is_plain
 from tapewire.nc.text import PlainRuns, ProgramText, Words, refusal_at
@@ -177,7 +177,8 @@ class NcReader:
     def _keep(self, blocks: list[str], kept: str) -> None:
         if len(blocks) >= MOST_KEPT_BLOCKS:
             raise self._text.refusal(f"is the block number {MOST_KEPT_BLOCKS + 1:,} without a move of known place")
-        if find_g05(kept.encode("latin-1", "replace")) is not None:
+        text = kept.encode("latin-1", "replace")
+        if find_g05(text) is not None or find_g05_with_point(text) is not None:
             raise self._text.refusal("is G05 already: take it out, or decode the section that follows")
         blocks.append(kept)
 
