@@ -164,7 +164,7 @@ def test_encode_check_and_decode(program: Path, tmp_path: Path) -> None:
     looked = run("check", made, *FAST_AXES, "--unit-time", 2, "--baud", 86400, "--picture", drawn, "--json")
     assert looked.outcome == (0, "complete"), looked.stderr
     assert looked.named("section")[0]["records"] == fields["records"]
-    assert drawn.read_text().startswith("<svg") and "acceleration, mm/s²" in drawn.read_text()  # noqa: PT018
+    assert drawn.read_text().startswith("<svg") and "Acceleration in mm/s²" in drawn.read_text()  # noqa: PT018
     assert run("decode", made, rows, *FAST_AXES, "--unit-time", 2).status == 0
     table = np.loadtxt(rows, delimiter=",", skiprows=1)
     assert table.shape == (fields["records"], 6)

@@ -79,9 +79,8 @@ def check_file(path: Path, asked: Asked, out: Path | None = None, *, force: bool
     if out is not None:
         if checked.sketch is None:
             raise UsageError(f"{path}: holds no G05 section that could be drawn")
-        unit = str(asked.machine.axes[0].unit) if asked.machine is not None else str(Unit.MM)
         with _writing(out, force) as part:
-            part.write(picture(checked.sketch, f"{path.name}: first G05 section", unit).encode())
+            part.write(picture(checked.sketch, f"{path.name}: first G05 section").encode())
     return checked
 
 
