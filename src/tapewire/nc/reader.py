@@ -187,7 +187,7 @@ class NcReader:
     def _plain_run(self) -> Moves | None:
         """The run of plain moves that follows, if it is worth it."""
         modal, text = self._modal, self._text
-        if self._trailer_line or modal.incremental or text.line < self._one_by_one:
+        if self._trailer_line or text.line < self._one_by_one:
             return None
         if modal.motion not in (0.0, 1.0) or (self._reading.rotary and self._scale != 1.0):
             return None
@@ -204,12 +204,16 @@ class NcReader:
             return None
         text.take(run, lines)
         scale = self._scale
-        ends = np.where(np.isnan(read.places), np.array(list(self._place.values()), np.float64), read.places * scale)
+        here = np.array(list(self._place.values()), np.float64)
+        if modal.incremental:
+            ends = np.cumsum(np.concatenate([here[None], np.nan_to_num(read.said * scale)]), axis=0)[1:]
+        else:
+            ends = np.where(np.isnan(read.carried), here, read.carried * scale)
         self._place.update(zip(self._place, ends[-1].tolist(), strict=True))
         modal.motion = float(read.motions[-1])
         if read.feed_word:
             modal.feed, modal.feed_word = float(read.feeds[-1]), read.feed_word
-        return Moves(ends=ends, speeds=np.where(fed, read.feeds * scale / 60, np.inf))
+        return Moves(ends=ends, speeds=np.where(fed, read.feeds / 60 * scale, np.inf))
 
     def _take(self, kept: str, words: Words, ends: list[tuple[float, ...]], speeds: list[float]) -> None:
         targets: dict[str, str] = {}
