@@ -146,12 +146,12 @@ class Nc:
         """CYCLE START: go on where the control stands still, or begin DNC operation through the input device."""
         if self.operation is Operation.DNC and not self.alarms:
             self.control.go(now)
-        elif self._ready(_INPUT[Ground.FOREGROUND], now):
+        elif self.may_begin(Operation.DNC, Ground.FOREGROUND, now):
             self._take_in(Operation.DNC, Ground.FOREGROUND, Work.EXECUTE, now)
 
     def read(self, now: Nanos, ground: Ground = Ground.FOREGROUND) -> None:
         """Read a tape into the memory (8.2)."""
-        if self._ready(_INPUT[ground], now):
+        if self.may_begin(Operation.READ, ground, now):
             self._take_in(Operation.READ, ground, Work.STORE, now)
             self._reading = bytearray() if self.board is not None else None
 
@@ -168,15 +168,14 @@ class Nc:
 
     def punch(self, source: Source, now: Nanos, ground: Ground = Ground.FOREGROUND) -> None:
         """Punch what `source` has, as it is."""
-        if self._ready(_OUTPUT[ground], now):
+        if self.may_begin(Operation.PUNCH, ground, now):
             self._tape = _Tape(source)
             self.cnc.punch(self._tape, now)
             self._begin(Operation.PUNCH, ground, Request.PUNCH)
 
     def refuse_device(self, operation: Operation, ground: Ground) -> None:
         """Raises UsageError where `operation` would find another device than the remote buffer, or SR807."""
-        devices = _OUTPUT if operation is Operation.PUNCH else _INPUT
-        wrong = [] if self.parameters is None else self._wrong(self.parameters.in_force, devices[ground])
+        wrong = [] if self.parameters is None else self._wrong(self.parameters.in_force, operation, ground)
         if wrong:
             raise UsageError(f"{AlarmNumber.SR807} {text_of(AlarmNumber.SR807, '; '.join(wrong))}")
 
@@ -195,19 +194,20 @@ class Nc:
         self.selected, self.ground, self.communicating, self._reading = operation, ground, True, None
         self._ask(request)
 
-    def _ready(self, device: int, now: Nanos) -> bool:
+    def may_begin(self, operation: Operation, ground: Ground, now: Nanos) -> bool:
         """The control is free, and the device is the remote buffer, and works; else SR807. Raises UsageError."""
         if self.alarms:
             raise UsageError("an alarm is on: RESET first")
         if self.operation is not Operation.NONE:
             text = f"the remote buffer is at work: {self.operation.value}, in the {self.ground.value}"
             raise UsageError(f"{text}: wait for its end, or RESET")
-        wrong = [] if self.parameters is None else self._wrong(self.parameters.in_force, device)
+        wrong = [] if self.parameters is None else self._wrong(self.parameters.in_force, operation, ground)
         if wrong:
             self._raise(AlarmNumber.SR807, "; ".join(wrong), now)
         return not wrong
 
-    def _wrong(self, values: ParameterSet, device: int) -> list[str]:
+    def _wrong(self, values: ParameterSet, operation: Operation, ground: Ground) -> list[str]:
+        device = (_OUTPUT if operation is Operation.PUNCH else _INPUT)[ground]
         number = values.get(device)
         if number is not None and number != REMOTE_BUFFER_DEVICE:
             raise UsageError(f"No. {device:04d} is {number}: this control has the remote buffer alone, which is 10")
@@ -319,7 +319,7 @@ class Nc:
     def heard(self, event: Event, now: Nanos) -> None:
         """An event of the engine, or of the control."""
         if isinstance(event, Alarm):
-            self._show(event)
+            self.show(event)
             self.control.feed_hold(now)
         elif isinstance(event, Ended):
             reading, self._reading = self._reading, None
@@ -355,8 +355,9 @@ class Nc:
 
     def _raise(self, number: AlarmNumber, what: str, now: Nanos) -> None:
         alarm = Alarm(number=number, text=text_of(number, what))
-        self._show(alarm)
+        self.show(alarm)
         self._tell(alarm, now)
 
-    def _show(self, alarm: Alarm) -> None:
+    def show(self, alarm: Alarm) -> None:
+        """Put it on the screen, behind those that are there."""
         self.alarms = [*self.alarms, alarm][-MOST_ALARMS:]

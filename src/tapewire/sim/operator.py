@@ -13,7 +13,6 @@ from typing import Final
 
 from tapewire.engine import SECOND, Event, Nanos, Notice
 from tapewire.errors import UsageError
-from tapewire.protocols.settings import Switch
 from tapewire.sim.machine import Motion
 from tapewire.sim.nc import Nc, Operation
 
@@ -131,9 +130,9 @@ class Operator:
                 case Key.STOP:
                     nc.stop(now)
                 case Key.SINGLE_BLOCK:
-                    nc.turn_single_block(_other(nc.single_block))
+                    nc.turn_single_block(nc.single_block.other)
                 case Key.OPTIONAL_STOP:
-                    nc.turn_optional_stop(_other(nc.optional_stop))
+                    nc.turn_optional_stop(nc.optional_stop.other)
                 case Key.ALARM:
                     nc.alarm(now)
         except UsageError as error:
@@ -147,7 +146,3 @@ class Operator:
 
     def _say(self, text: str, now: Nanos) -> None:
         self._tell(Notice(text=text), now)
-
-
-def _other(switch: Switch) -> Switch:
-    return Switch.OFF if switch is Switch.ON else Switch.ON
