@@ -27,6 +27,7 @@ from enum import Enum, StrEnum
 from typing import Final, Protocol, TypeAlias
 
 __all__ = [
+    "ALL_ON",
     "MICROSECOND",
     "MILLISECOND",
     "SECOND",
@@ -99,6 +100,10 @@ class SignalsOut:
 
     rts: bool = True
     dtr: bool = True
+
+
+ALL_ON: Final = SignalsOut()
+"""An end that never holds the other by a control line drives this and nothing else."""
 
 
 class Source(Protocol):
@@ -265,7 +270,7 @@ class Timers:
 
     def next(self) -> Nanos | None:
         """The nearest deadline."""
-        return min(self._deadlines.values(), default=None)
+        return min(self._deadlines.values()) if self._deadlines else None
 
     def due(self, now: Nanos) -> Iterator[Enum]:
         """Each timer whose moment has come, earliest first, taken out of the table before it is handed out.

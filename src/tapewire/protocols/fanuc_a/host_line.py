@@ -10,6 +10,7 @@ from enum import Enum
 from typing import Final
 
 from tapewire.engine import (
+    ALL_ON,
     SECOND,
     Closure,
     Ended,
@@ -200,7 +201,7 @@ class HostLine(ABC):
     @property
     def signals(self) -> SignalsOut:
         """Always ON: the host can receive whenever the line is open."""
-        return SignalsOut()
+        return ALL_ON
 
     # time and what happened
 

@@ -23,6 +23,7 @@ from enum import Enum
 from typing import Final
 
 from tapewire.engine import (
+    ALL_ON,
     MILLISECOND,
     AfterStop,
     Alarm,
@@ -161,7 +162,7 @@ class FanucBCnc:
 
     @property
     def signals(self) -> SignalsOut:
-        return SignalsOut(rts=True, dtr=self._er_on)
+        return ALL_ON if self._er_on else SignalsOut(dtr=False)
 
     # time and what happened
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 from typing import Final
 
 from tapewire.engine import (
+    ALL_ON,
     SECOND,
     Closure,
     Ended,
@@ -232,7 +233,7 @@ class FanucBHost:
     @property
     def signals(self) -> SignalsOut:
         """ON, but for a pause by CS: with them OFF the control posts nothing (6.1.2) or alarms (3.2)."""
-        return SignalsOut(rts=self._pause_by_code or not self._pause_wanted)
+        return ALL_ON if self._pause_by_code or not self._pause_wanted else SignalsOut(rts=False)
 
     # time and what happened
 
