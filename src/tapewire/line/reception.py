@@ -88,9 +88,13 @@ class Reception:
     # what the other end does
 
     def put(self, first: Nanos, data: bytes, step: Nanos) -> None:
-        """`data` is on its way."""
+        """`data` is on its way; behind what is on its way without a gap, it is one with that."""
         self._deadline_holds = False
-        self._wire.append(Segment(first, data, step))
+        before = self._wire[-1] if self._wire else None
+        if before is not None and before.step == step and before.last + step == first:
+            before.first, before.data, before.taken = before.next, before.data[before.taken :] + data, 0
+        else:
+            self._wire.append(Segment(first, data, step))
 
     def mark(self, moment: Nanos, what: SignalsIn | Closed | Fault) -> None:
         self._deadline_holds = False

@@ -30,6 +30,9 @@ LARGE_SHARE: Final = 0.25
 SHORT_LOAD_BYTES: Final = 12_000
 """REMOTE LOAD carries no more (2.1.1)."""
 
+LOOKED_AT: Final[Nanos] = 25 * MILLISECOND
+"""A control looks at its receiver so often at the least: hosts take it that they hear of everything within 100 ms."""
+
 BLOCK_BYTES: Final = 30
 """Characters of a block of the programs, about."""
 
@@ -174,7 +177,7 @@ def draw(protocol: str, preset: str, seed: int, *, path: str | None = None, punc
         has_signals=path != "serial-server" and draws.happens(0.9),
         parity=draws.happens(0.75),
         settings=settings,
-        grain=draws.choice((1, 8, 16, 32, 64, 128, 128)) if size < SMALL_BYTES else draws.choice((16, 64, 128, 128)),
+        grain=_grain(draws, size, baud),
         cnc_window=_cnc_window(draws, protocol, settings, size, direction),
         window=_wide_window(draws, protocol, baud, size, direction),
         late=draws.choice((0, 0, 1, 15)) * MILLISECOND,
@@ -185,6 +188,12 @@ def draw(protocol: str, preset: str, seed: int, *, path: str | None = None, punc
         acts=_acts(draws, span, direction),
         finish=draws.choice((Finish.LEAVE, Finish.LEAVE, Finish.START_UNARMED, Finish.START_AGAIN)),
     )
+
+
+def _grain(draws: Draws, size: int, baud: int) -> int:
+    """What the control's UART tells at once; on a slow line the control looks before so much has come."""
+    grain = draws.choice((1, 8, 16, 32, 64, 128, 128) if size < SMALL_BYTES else (16, 64, 128, 128))
+    return min(grain, max(1, LOOKED_AT // character_time(baud)))
 
 
 def _cnc_window(draws: Draws, protocol: str, settings: Settings, size: int, direction: Direction) -> int:
