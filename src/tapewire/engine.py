@@ -265,8 +265,9 @@ class Timers:
     def stop_all(self) -> None:
         self._deadlines.clear()
 
-    def running(self, name: Enum) -> bool:
-        return name in self._deadlines
+    def running(self, *names: Enum) -> bool:
+        """Any of them."""
+        return not self._deadlines.keys().isdisjoint(names)
 
     def next(self) -> Nanos | None:
         """The nearest deadline."""

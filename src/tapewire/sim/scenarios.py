@@ -161,7 +161,7 @@ def draw(protocol: str, preset: str, seed: int, *, path: str | None = None, punc
     size = _size(draws)
     if settings.cnc.get("mode") == "L" or settings.cnc.get("program") == "-1":
         size = min(size, SHORT_LOAD_BYTES - draws.between(0, 500))
-    baud = draws.choice(_BAUDS[protocol])
+    baud = _baud(draws, protocol, size)
     path = path or draws.choice(_PATHS)
     speed, override = _speed(draws, baud)
     span = size * character_time(baud) + 2 * SECOND
@@ -188,6 +188,15 @@ def draw(protocol: str, preset: str, seed: int, *, path: str | None = None, punc
         acts=_acts(draws, span, direction),
         finish=draws.choice((Finish.LEAVE, Finish.LEAVE, Finish.START_UNARMED, Finish.START_AGAIN)),
     )
+
+
+def _baud(draws: Draws, protocol: str, size: int) -> int:
+    """Few send a large program at the least rate: 64 KB at 300 baud take forty minutes."""
+    rates = _BAUDS[protocol]
+    rate = draws.choice(rates)
+    if rate == rates[0] and size > SMALL_BYTES and draws.happens(0.9):
+        return draws.choice(rates[1:])
+    return rate
 
 
 def _grain(draws: Draws, size: int, baud: int) -> int:

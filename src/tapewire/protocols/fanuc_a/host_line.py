@@ -252,7 +252,7 @@ class HostLine(ABC):
             self._interrupt(Outcome.FAILED, problem, now)
         self._watch_hold(now)
         self._watch_room(now)
-        ours = any(self._timers.running(timer) for timer in (Timer.WAT, Timer.QUIET, Timer.REPEAT, Timer.CROSSED))
+        ours = self._timers.running(Timer.WAT, Timer.QUIET, Timer.REPEAT, Timer.CROSSED)
         if not self._closed:
             self._exchange.watch(not ours and not self._streaming.our_turn, now)
         if self._outbox.idle and not self._recall:
