@@ -42,6 +42,7 @@ __all__ = [
     "Held",
     "HostEngine",
     "LineFault",
+    "Named",
     "Nanos",
     "Notice",
     "Outcome",
@@ -244,10 +245,16 @@ class Events:
         return len(self._queue)
 
 
+class Named(Enum):
+    """A state, a timer, an act: each is there once, and is hashed as what it is, not by its text."""
+
+    __hash__ = object.__hash__
+
+
 class Timers:
     """Named deadlines in one table: start, stop, next, due.
 
-    `name` is an Enum member, so that a timer has the manual's name and not a number.
+    `name` is a member of an enumeration, so that a timer has the manual's name and not a number.
     """
 
     __slots__ = ("_deadlines",)

@@ -19,7 +19,6 @@ Where the manual is silent, or speaks twice, the comment beside the code says wh
 
 from __future__ import annotations
 
-from enum import Enum
 from typing import Final
 
 from tapewire.engine import (
@@ -33,6 +32,7 @@ from tapewire.engine import (
     Events,
     Held,
     LineFault,
+    Named,
     Nanos,
     Notice,
     Outcome,
@@ -60,7 +60,7 @@ PUNCH_BYTES: Final = 256
 """Characters taken from the source at once: the send buffer of 12.2."""
 
 
-class _Timer(Enum):
+class _Timer(Named):
     SOURCE = "source"
 
 
