@@ -296,7 +296,16 @@ def test_the_end_by_eot_behind_the_lrc_of_a_record_that_is_refused_is_none() -> 
     bench.receive(EOT)
     assert (bench.end(), bench.state) == (None, State.RECORD_DUE)
     bench.receive(record(SECOND) + EOT)
-    assert (bench.take(), bench.ended().outcome, bench.all(Violation)) == (SECOND, Outcome.COMPLETE, [])
+    assert (bench.take(), bench.send(), bench.all(Violation)) == (SECOND, ACK, [])
+    assert bench.ended().outcome is Outcome.COMPLETE
+
+
+@pytest.mark.parametrize("pieces", [(record(SECOND), EOT), (record(SECOND) + EOT,)], ids=["apart", "at once"])
+def test_the_last_record_is_answered_however_its_eot_comes(pieces: tuple[bytes, ...]) -> None:
+    bench = link(DncEnd.EOT_AFTER_LRC, record(FIRST))
+    said = b"".join(bench.receive(piece).send() for piece in pieces)
+    assert (bench.take(), said, bench.quiet().send()) == (SECOND, ACK, b"")
+    assert bench.ended().outcome is Outcome.COMPLETE
 
 
 def test_eot_in_place_of_a_refused_record_is_no_end() -> None:
