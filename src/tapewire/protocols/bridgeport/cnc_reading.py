@@ -125,7 +125,8 @@ class Reading(Core):
         self._timers.stop_all()
         self._out.withdraw(Mark.ANSWER)
         if self._state is State.ANSWERING and self._params.dnc_end is DncEnd.EOT_AFTER_LRC:
-            # Its EOT came in one piece with the record, or while XOFF held the answer back: the remote waits for it.
+            # The EOT that came with the last record is no answer to our ACK: the remote still waits for it, and it
+            # asks for nothing that would need room.
             self._out.say(bytes([self._params.ack]))
         self._move(Word.TEXT_END, State.RECEIVED)
         self._latecomers = Latecomers(STOP_CHARACTERS)
