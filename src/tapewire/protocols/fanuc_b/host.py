@@ -148,8 +148,7 @@ class FanucBHost:
         self._events.put(Violation(what=f"{fault} in what the control sent"))
         match self._state:
             case State.SENDING:
-                self._state = State.HELD
-                self._held_by_damage = True
+                self._state, self._held_by_damage = State.HELD, True
                 self._events.put(Held(why=f"{fault}: it may have been DC3"))
                 self._timers.start(Timer.DAMAGED, now + DAMAGED_WAIT)
             case State.HELD:
