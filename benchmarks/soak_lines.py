@@ -139,7 +139,7 @@ class Far:
         """Tell, and wait for the next that is said of that job."""
         answer = self._waiting[words["job"]] = asyncio.get_running_loop().create_future()
         self.tell(**words)
-        said = await asyncio.wait_for(answer, ANSWER_LIMIT_S)
+        said: dict[str, Any] = await asyncio.wait_for(answer, ANSWER_LIMIT_S)
         if "refused" in said:
             raise RuntimeError(f"the control: {said['refused']}")
         return said
@@ -498,7 +498,8 @@ class CommandLine(Line):
     async def end(self, case: Case) -> dict[str, Any]:
         await self._end_within(lambda: self._process.send_signal(signal.SIGINT), 5.0)
         await self._end_within(self._process.kill, ANSWER_LIMIT_S)
-        return {**await self._rest, "made": 0, "seen": 0, "damaged": 0, "other": self._other}
+        rest: dict[str, Any] = await self._rest
+        return {**rest, "made": 0, "seen": 0, "damaged": 0, "other": self._other}
 
     async def _end_within(self, act: Callable[[], object], limit_s: float) -> None:
         done: Awaitable[int] = self._process.wait()
