@@ -7,15 +7,17 @@ import os
 import pty
 import re
 import select
+import signal
 import struct
-import subprocess
 import sys
 import termios
 import time
+import traceback
 from collections.abc import Callable
 from types import TracebackType
 from typing import Final
 
+from tapewire.cli import main
 from tests.cli.helpers import DEADLINE_S
 
 _SEQUENCE: Final = re.compile(r"\x1b\[(\??)([\d;]*)([A-Za-z])|\x1b[()][A-Z0-9]|\x1b[=>]")
@@ -104,7 +106,7 @@ class Screen:
 
 
 class Terminal:
-    """`tapewire` in a terminal of its own."""
+    """`tapewire` in a terminal of its own: a process forked off this one, so that it need not load everything anew."""
 
     def __init__(self, *words: object, columns: int = 80, lines: int = 24) -> None:
         self.screen = Screen(columns, lines)
@@ -112,14 +114,12 @@ class Terminal:
         self._set_size(columns, lines)
         self.modes_before = termios.tcgetattr(slave)
         self._slave = slave
-        kept = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES", "NO_COLOR")}
-        self.process = subprocess.Popen(
-            ["setsid", "--ctty", "--wait", sys.executable, "-m", "tapewire", *map(str, words)],
-            stdin=slave,
-            stdout=slave,
-            stderr=slave,
-            env={**kept, "TERM": "xterm-256color"},
-        )
+        self.status: int | None = None
+        """Its exit status, once it has ended."""
+        self.pid = os.fork()
+        if self.pid == 0:
+            os.close(self.master)
+            _become_tapewire(slave, [str(word) for word in words])
 
     def __enter__(self) -> Terminal:
         return self
@@ -127,11 +127,18 @@ class Terminal:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self.process.poll() is None:
-            self.process.kill()
-        self.process.wait()
+        if not self.has_ended:
+            os.kill(self.pid, signal.SIGKILL)
+            os.waitpid(self.pid, 0)
         for descriptor in (self.master, self._slave):
             os.close(descriptor)
+
+    @property
+    def has_ended(self) -> bool:
+        if self.status is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            self.status = os.waitstatus_to_exitcode(status) if pid else None
+        return self.status is not None
 
     @property
     def modes(self) -> list[object]:
@@ -148,6 +155,9 @@ class Terminal:
     def press(self, keys: str) -> None:
         os.write(self.master, keys.encode())
 
+    def send_signal(self, number: signal.Signals) -> None:
+        os.kill(self.pid, number)
+
     def read(self, seconds: float = 0.05) -> None:
         """Take in what comes within `seconds`."""
         while select.select([self.master], [], [], seconds)[0]:
@@ -162,6 +172,7 @@ class Terminal:
         """Until the screen is as `until` wants it; what it shows then."""
         deadline = time.monotonic() + DEADLINE_S
         while not until(self.screen.text):
+            assert not self.has_ended, f"it has ended with {self.status}:\n{self.screen.text}"
             assert time.monotonic() < deadline, f"the screen never came to it:\n{self.screen.text}"
             self.read()
         return self.screen.text
@@ -173,8 +184,35 @@ class Terminal:
     def end(self) -> int:
         """The exit status."""
         deadline = time.monotonic() + DEADLINE_S
-        while self.process.poll() is None:
+        while not self.has_ended:
             assert time.monotonic() < deadline, f"it does not end:\n{self.screen.text}"
             self.read()
         self.read()
-        return self.process.returncode
+        assert self.status is not None
+        assert "Traceback" not in self.screen.text
+        return self.status
+
+
+def _become_tapewire(terminal: int, words: list[str]) -> None:
+    """In the child: leave pytest behind, and never come back."""
+    status = 99
+    try:
+        os.setsid()
+        fcntl.ioctl(terminal, termios.TIOCSCTTY, 0)
+        for stream in range(3):
+            os.dup2(terminal, stream)
+        os.closerange(3, 256)
+        os.environ["TERM"] = "xterm-256color"
+        for name in ("COLUMNS", "LINES", "NO_COLOR"):
+            os.environ.pop(name, None)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        sys.stdin = open(0)  # noqa: SIM115
+        sys.stdout = open(1, "w", buffering=1)  # noqa: SIM115
+        sys.stderr = open(2, "w", buffering=1)  # noqa: SIM115
+        main(words, prog_name="tapewire")
+    except SystemExit as ended:
+        status = ended.code if isinstance(ended.code, int) else 98
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        os._exit(status)

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from tapewire.engine import Outcome
 from tapewire.protocols import PROTOCOLS
-from tests.cli.helpers import Command, Shop, invoke, program
+from tests.cli.helpers import Shop, invoke, program
+from tests.cli.hosts import HostJob, receiving, sending
 from tests.cli.terminal import Terminal
 
 LONG = program(2000)
@@ -23,11 +25,17 @@ PUNCHING = [name for name, entry in PROTOCOLS.items() if entry.punches_out and n
 def panel(folder: Path, *words: object, protocol: str = "fanuc-b", columns: int = 80, lines: int = 24) -> Terminal:
     line = ("--line", f"pty:{folder}/control", "--panel")
     told = () if "--parameters" in words else ("--protocol", protocol)
-    return Terminal("cnc", *line, *told, *words, columns=columns, lines=lines)
+    start = ("--set", "start_time=0.1") if protocol.startswith("fanuc-a") else ()
+    return Terminal("cnc", *line, *told, *start, *words, columns=columns, lines=lines)
 
 
-def host(shop: Shop, verb: str, file: Path, *words: object, protocol: str = "fanuc-b") -> Command:
-    return shop.start(verb, file, "--line", shop.folder / "control", "--protocol", protocol, "--json", *words)
+def sender(shop: Shop, file: Path, protocol: str = "fanuc-b") -> HostJob:
+    return sending(file, shop.folder / "control", protocol)
+
+
+def wait_for_another_line(terminal: Terminal) -> None:
+    """The host has let go of the line; the control has seen it, and counts anew on another one."""
+    terminal.wait(lambda text: " open" in text and not re.search(r"PROGRAM [\d,]+ bytes", text))
 
 
 def restored(terminal: Terminal) -> bool:
@@ -35,30 +43,49 @@ def restored(terminal: Terminal) -> bool:
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_one_program_after_another_is_executed(shop: Shop, protocol: str) -> None:
-    file = shop.file("in.nc", program(12))
+def test_one_operation_after_another(shop: Shop, protocol: str) -> None:
+    file, saved = shop.file("in.nc", program(6)), shop.folder / "saved"
     ask = ("--program", "1") if protocol == "bridgeport" else ()
-    with panel(shop.folder, "--blocks-per-second", 15, *ask, protocol=protocol) as terminal:
+    with panel(shop.folder, "--blocks-per-second", 15, "--save", saved, *ask, protocol=protocol) as terminal:
         terminal.wait_for("waiting for the control" if protocol != "bridgeport" else "RECEIVE BUFFER", "[C]", "open")
-        for _ in range(2):
-            sender = host(shop, "send", file, protocol=protocol)
-            sender.wait_for("ready")
-            terminal.press("c")
-            terminal.wait_for("MTN", "RMT   STRT")
-            terminal.wait_for("dnc complete", "RMT   ****")
-            assert sender.finish().outcome == (0, "complete")
-            terminal.wait_for("open")
+        host = sender(shop, file, protocol)
+        terminal.press("c")
+        terminal.wait_for("MTN", "RMT   STRT")
+        terminal.wait_for("dnc complete", "RMT   ****")
+        assert host.outcome() is Outcome.COMPLETE
+        wait_for_another_line(terminal)
+        terminal.press("p")
+        if protocol in PUNCHING:
+            terminal.wait_for("the program memory is empty")
+        elif protocol == "bridgeport":
+            terminal.wait_for("--file names a program")
+        host = sender(shop, file, protocol)
+        terminal.press("i")
+        terminal.wait_for("registered O0001" if protocol != "bridgeport" else "", "read complete", "EDIT  ****")
+        assert host.outcome() is Outcome.COMPLETE
+        assert saved.stat().st_size > file.stat().st_size
+        wait_for_another_line(terminal)
+        if protocol in PUNCHING:
+            punch_out_of_the_memory(shop, terminal, protocol, file)
         terminal.press("q")
         assert terminal.end() == 0
         assert restored(terminal)
+
+
+def punch_out_of_the_memory(shop: Shop, terminal: Terminal, protocol: str, file: Path) -> None:
+    back = shop.folder / "back.nc"
+    host = receiving(back, shop.folder / "control", protocol)
+    terminal.press("p")
+    terminal.wait_for("punch complete", "EDIT  ****")
+    assert host.outcome() is Outcome.COMPLETE
+    assert back.read_bytes().split() == file.read_bytes().split()
 
 
 def test_hold_single_block_and_a_pulled_cable(shop: Shop) -> None:
     file = shop.file("in.nc", LONG)
     with panel(shop.folder, "--blocks-per-second", 50, columns=120, lines=40) as terminal:
         terminal.wait_for("open")
-        sender = host(shop, "send", file)
-        sender.wait_for("ready")
+        host = sender(shop, file)
         terminal.press("c")
         terminal.wait_for("> N")
         terminal.press("h")
@@ -69,7 +96,7 @@ def test_hold_single_block_and_a_pulled_cable(shop: Shop) -> None:
         assert block not in text
         terminal.press("u")
         terminal.wait_for("ALARM", "SR855  DATA SET READY DOWN", "ALM", "UNPLUGGED", "PLUG ", "dnc failed")
-        assert sender.finish().status == 1
+        assert host.outcome() is Outcome.FAILED
         terminal.press("c")
         terminal.wait_for("an alarm is on: RESET first")
         terminal.press("r")
@@ -84,76 +111,35 @@ def test_hold_single_block_and_a_pulled_cable(shop: Shop) -> None:
         assert restored(terminal)
 
 
-@pytest.mark.parametrize("protocol", PUNCHING)
-def test_what_was_read_into_the_memory_is_punched(shop: Shop, protocol: str) -> None:
-    file, back = shop.file("in.nc", program(9)), shop.folder / "back.nc"
-    with panel(shop.folder, protocol=protocol) as terminal:
-        terminal.wait_for("open")
-        terminal.press("p")
-        terminal.wait_for("the program memory is empty")
-        sender = host(shop, "send", file, protocol=protocol)
-        sender.wait_for("ready")
-        terminal.press("i")
-        terminal.wait_for("registered O0001", "read complete")
-        assert sender.finish().outcome == (0, "complete")
-        terminal.wait_for("open")
-        receiver = host(shop, "receive", back, protocol=protocol)
-        receiver.wait_for("ready")
-        terminal.press("p")
-        terminal.wait_for("punch complete", "EDIT  ****")
-        assert receiver.finish().outcome == (0, "complete")
-        assert back.read_bytes().split() == file.read_bytes().split()
-        terminal.press("q")
-        assert terminal.end() == 0
-
-
-def test_bridgeport_loads_and_links_on_one_panel(shop: Shop) -> None:
-    file, saved = shop.file("in.nc", program(9)), shop.folder / "saved"
-    words = ("--program", "1", "--save", saved, "--blocks-per-second", 100)
-    with panel(shop.folder, *words, protocol="bridgeport") as terminal:
-        for key, done in (("i", "read complete"), ("c", "dnc complete")):
-            terminal.wait_for("open")
-            sender = host(shop, "send", file, protocol="bridgeport")
-            sender.wait_for("ready")
-            terminal.press(key)
-            terminal.wait_for(done)
-            assert sender.finish().outcome == (0, "complete")
-        assert saved.stat().st_size > file.stat().st_size
-        terminal.press("p")
-        terminal.wait_for("--file names a program")
-        terminal.press("q")
-        assert terminal.end() == 0
-
-
 def test_quitting_in_the_middle_gives_up(shop: Shop) -> None:
     file = shop.file("in.nc", LONG)
     with panel(shop.folder) as terminal:
         terminal.wait_for("open")
-        sender = host(shop, "send", file)
-        sender.wait_for("ready")
+        host = sender(shop, file)
         terminal.press("c")
         terminal.wait_for("MTN")
         terminal.press("q")
         assert terminal.end() == 1
         assert restored(terminal)
         assert "dnc: cancelled" in terminal.screen.text
-        assert sender.finish().status == 1
+        assert host.outcome() is not Outcome.COMPLETE
 
 
 def test_a_listening_control_keeps_its_port_whatever_is_pressed(shop: Shop) -> None:
     file = shop.file("in.nc", program(9))
-    with Terminal("cnc", "--line", "listen://127.0.0.1:0", "--protocol", "fanuc-a", "--panel") as terminal:
+    words = ("--line", "listen://127.0.0.1:0", "--protocol", "fanuc-a", "--set", "start_time=0.1")
+    with Terminal("cnc", *words, "--panel") as terminal:
         text = terminal.wait(_PORT.search)
         terminal.press("chrsr")
         terminal.wait_for("there is nobody on the line")
         terminal.press("s")
         found = _PORT.search(text)
         assert found is not None
-        sender = shop.start("send", file, "--line", f"socket://{found[1]}", "--protocol", "fanuc-a", "--json")
+        host = sending(file, f"socket://{found[1]}", "fanuc-a")
         terminal.wait_for(" open")
         terminal.press("c")
-        terminal.wait_for("dnc complete")
-        assert sender.finish().outcome == (0, "complete")
+        terminal.wait_for("dnc complete", "RMT   ****")
+        assert host.outcome() is Outcome.COMPLETE
         terminal.press("q")
         assert terminal.end() == 0
 
@@ -162,11 +148,10 @@ def test_what_cannot_be_stored_is_told_and_not_complete(shop: Shop) -> None:
     file = shop.file("in.nc", program(9))
     with panel(shop.folder, "--save", "/dev/full") as terminal:
         terminal.wait_for(" open")
-        sender = host(shop, "send", file)
-        sender.wait_for("ready")
+        host = sender(shop, file)
         terminal.press("c")
         terminal.wait_for("/dev/full: cannot be stored", "dnc complete")
-        assert sender.finish().outcome == (0, "complete")
+        assert host.outcome() is Outcome.COMPLETE
         terminal.press("q")
         assert terminal.end() == 1
 
@@ -180,28 +165,19 @@ def test_ctrl_c_ends_it_with_130_and_a_whole_terminal(tmp_path: Path) -> None:
         assert restored(terminal)
 
 
-def test_sigterm_and_keys_that_mean_nothing(tmp_path: Path) -> None:
-    with panel(tmp_path) as terminal:
-        terminal.wait_for("open")
-        terminal.press("\x1b[A\x1bOPxyz 7\x1a\x13\x1c")
-        terminal.press("s")
-        terminal.read(0.5)
-        terminal.process.send_signal(signal.SIGTERM)
-        assert terminal.end() == 130
-        assert restored(terminal)
-
-
-def test_another_size_is_drawn_in_it(tmp_path: Path) -> None:
+def test_other_sizes_keys_that_mean_nothing_and_sigterm(tmp_path: Path) -> None:
     with panel(tmp_path) as terminal:
         terminal.wait_for("open")
         terminal.resize(120, 40)
         terminal.wait(lambda text: "[Q]" in text.split("\n")[39] and len(text.split("\n")[0]) > 110)
+        terminal.press("\x1b[A\x1bOPxyz 7\x1a\x13\x1c")
         terminal.resize(60, 20)
         terminal.wait_for("60x20 is too small")
         terminal.resize(80, 24)
         terminal.wait(lambda text: "[Q]" in text.split("\n")[23])
-        terminal.press("q")
-        assert terminal.end() == 1
+        terminal.send_signal(signal.SIGTERM)
+        assert terminal.end() == 130
+        assert restored(terminal)
 
 
 def test_the_parameters_of_a_control_make_its_line(shop: Shop) -> None:
