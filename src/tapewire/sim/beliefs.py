@@ -14,10 +14,13 @@ __all__ = ["disagreement"]
 
 
 def disagreement(host: HostEngine, cnc: CncEngine) -> str:
-    """What the control works with that the host thinks impossible; empty where they agree."""
+    """What an initialised control works with that the host thinks impossible; empty where they agree."""
     agreement: Any = getattr(host, "_agreement", None)
     dialogue: Any = getattr(cnc, "_line", None)
     if agreement is None or dialogue is None:
+        return ""
+    if not dialogue.up:
+        # It gave the line up for what the host has yet to hear: only the SYN that follows says so (4.6 1), 4.7).
         return ""
     in_force = dialogue.parameters
     if in_force in agreement._possible:

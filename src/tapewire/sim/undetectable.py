@@ -80,9 +80,16 @@ class Excuses:
         return any(damage.kind == "pulled cable" and damage.sent for damage in self._evidence.damages)
 
     @property
-    def _dark_control(self) -> bool:
-        hidden = not self._scenario.has_signals or self._scenario.settings.host.get("er") == "hidden"
-        return hidden and self._evidence.happened("power cut: control")
+    def _dark_control(self) -> str:
+        """What ended the control's operation and reached no host to which ER says nothing."""
+        if self._scenario.has_signals and self._scenario.settings.host.get("er") != "hidden":
+            return ""
+        if self._evidence.happened("power cut: control"):
+            return "a control whose loss of power nothing shows"
+        if not self._is_a and self._evidence.kinds("pulled cable"):
+            # SR855; and while DR is OFF neither SYN nor NAK is posted (6.1.2).
+            return "an alarm of the control while its cable was pulled"
+        return ""
 
     # the rules
 
@@ -139,12 +146,16 @@ class Excuses:
         """Complete was said, and the program is not there whole."""
         if self._evidence.too_many:
             return _MOST_AMBIGUOUS
-        if attempt is not None and not self._is_a:
+        if attempt is not None and self._is_a:
+            wrong = first_difference(bytes(attempt.delivered), self._evidence.program)
+            if wrong is not None and (excuse := self._content_a(attempt, wrong)):
+                return excuse
+        elif attempt is not None:
             damage = self._program_damage(attempt, len(self._evidence.program))
             if damage is not None:
                 return damage.name
-        if self._dark_control:
-            return "a control whose loss of power nothing shows"
+        if dark := self._dark_control:
+            return dark
         if self._scenario.protocol == "bridgeport" and self._codes_hit(Wire.FROM_CONTROL, _BRIDGEPORT_NAME):
             return "a program name that came otherwise"
         return self.told_wrongly()
@@ -167,8 +178,8 @@ class Excuses:
             damage = self._program_damage(attempts[-1], len(self._evidence.program))
             if damage is not None:
                 return damage.name
-        if self._dark_control:
-            return "a control whose loss of power nothing shows"
+        if dark := self._dark_control:
+            return dark
         if attempts and self._is_a:
             wrong = first_difference(bytes(attempts[-1].delivered), self._evidence.program)
             if wrong is not None and (lost := self._lost_packets(attempts[-1], wrong)):
@@ -221,8 +232,8 @@ class Excuses:
         evidence, settings = self._evidence, self._scenario.settings
         if self._is_a:
             return ""
-        if self._dark_control:
-            return "a control whose loss of power nothing shows"
+        if dark := self._dark_control:
+            return dark
         if self._is_b and settings.cnc.get("alarm") == "at-reset" and evidence.happened(Act.ALARM.value):
             return "an alarm that is told only at RESET (6.4 note 1)"
         codes = _FANUC_B_CODES if self._is_b else _BRIDGEPORT_ANSWERS

@@ -290,12 +290,18 @@ def test_the_end_by_eot_behind_the_lrc_before_or_after_the_ack(dnc_end: DncEnd) 
     assert (after.end(), after.all(Violation)) == ((Outcome.COMPLETE, 18, 18), [])
 
 
+@pytest.mark.parametrize("room", [1024, 300])
+def test_the_ack_of_the_last_record_is_said_though_its_eot_has_come(room: int) -> None:
+    bench = Bench.linking(dnc_end=DncEnd.EOT_AFTER_LRC, buffer=room, start_at_free=40).receive(record(FIRST) + EOT)
+    assert (bench.send(), bench.take(), bench.ended().outcome) == (ACK, FIRST, Outcome.COMPLETE)
+
+
 def test_the_end_by_eot_behind_the_lrc_of_a_record_that_is_refused_is_none() -> None:
     bench = link(DncEnd.EOT_AFTER_LRC, record(FIRST), SECOND + ETB + b"\x00" + EOT)
     assert (bench.end(), bench.quiet().send()) == (None, NAK)
     bench.receive(EOT)
     assert (bench.end(), bench.state) == (None, State.RECORD_DUE)
-    bench.receive(record(SECOND) + EOT)
+    bench.receive(record(SECOND) + EOT).said()
     assert (bench.take(), bench.ended().outcome, bench.all(Violation)) == (SECOND, Outcome.COMPLETE, [])
 
 

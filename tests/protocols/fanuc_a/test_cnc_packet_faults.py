@@ -102,3 +102,15 @@ def test_a_long_program_in_bounded_memory() -> None:
     assert bench.engine.progress == 400 * 1024
     assert not bench.of(Ended)
     assert bench.now < SECOND * 10
+
+
+def test_a_bad_end_packet_behind_a_bad_effective_one_is_stale_and_the_good_one_behind_it_too() -> None:
+    """5.2 2) a): what was asked for is 30h. The end packet taken in its place would leave a packet out unseen."""
+    end = encode_packet(END, b"\nM30\n%".ljust(256, b"\0"), 1)
+    bench = packets(quick(monitors_again=Switch.OFF))
+    bench.receive(bad(good(0)))
+    bench.receive(bad(end))
+    bench.receive(end)
+    assert bench.take() == b""
+    bench.receive(good(0) + end)
+    assert bench.take() == part(0) + b"\nM30\n%"

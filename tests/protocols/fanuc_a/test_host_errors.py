@@ -336,6 +336,20 @@ def test_a_hosts_command_from_the_control_changes_nothing(command: Command) -> N
     assert bench.all(Violation) == [Violation(what=f"{command.value} while sending")]
 
 
+def test_4_6_a_program_armed_among_packets_of_none_does_not_wait_for_a_control_that_has_left_them() -> None:
+    """The control gave the line up while what it said last could not be read; now it hears nothing but SYN."""
+    bench = Bench(expansion=True, n="1")
+    bench.streaming(Trickle(PROGRAM[:100]))
+    bench.say_raw(b"\x13 ")
+    bench.wait(60)
+    assert bench.all(Ended)[-1].reason == "a monitor packet could not be read and nothing came after it"
+    assert bench.wait(60) == b""
+    bench.arm()
+    assert Message(command=Command.SYN) in bench.messages(bench.wait(25))
+    bench.power_on()
+    assert bench.packets(bench.say(Command.GTD))[0].number == 0x30
+
+
 SAYINGS = [b"07SYN\r", b"FCRDY\r", b"ECGTD\r", b"06RST\r", b"E7ALM\r", b"3DRTY1\r", b"63SDIA5\r", b"#\r", b"ECG"]
 STATUSES = [b"01000000", b"02000000", b"02000009", b"03000000", b"04000000"]
 SAYINGS += [encode_message(Message(command=Command.SAT, data=data), Coding()) for data in STATUSES]

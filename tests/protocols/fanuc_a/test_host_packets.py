@@ -421,7 +421,7 @@ class TestAbort:
         assert {packet.kind for packet in later} == {Kind.INVALID}
         assert bench.monitor(Monitor.NAK, 0x31) == b"", "nothing of the program is sent again"
         bench.arm(SHORT)
-        assert {packet.kind for packet in bench.packets(bench.wait(30))} == {Kind.INVALID}
+        assert {packet.kind for packet in bench.packets(bench.wait(20))} == {Kind.INVALID}
         assert bench.answer(Command.RST) == Message(command=Command.ARS)
         assert numbers(bench.packets(bench.say(Command.GTD))) == "FF"
 

@@ -124,6 +124,10 @@ class Reading(Core):
         """1.2.1 line 3: the program is in, and the remote is done with."""
         self._timers.stop_all()
         self._out.withdraw(Mark.ANSWER)
+        if self._state is State.ANSWERING and self._params.dnc_end is DncEnd.EOT_AFTER_LRC:
+            # The EOT that came with the last record is no answer to our ACK: the remote still waits for it, and it
+            # asks for nothing that would need room.
+            self._out.say(bytes([self._params.ack]))
         self._move(Word.TEXT_END, State.RECEIVED)
         self._latecomers = Latecomers(STOP_CHARACTERS)
         if self._stop.active:

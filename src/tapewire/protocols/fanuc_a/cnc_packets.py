@@ -111,7 +111,9 @@ class PacketSession:
         if self.stopping:
             return self._await_end(reading.number)
         if isinstance(reading, BadPacket):
-            self._end_was_bad = reading.number == END_NUMBER or (self._awaiting and self._end_was_bad)
+            if not self._awaiting:
+                # 5.2 2) a): a bad FFh behind a bad effective packet is stale too, and so is the good one that follows.
+                self._end_was_bad = reading.number == END_NUMBER
             return self._nak(reading.number, f"packet {reading.number:02X}: {reading.why}")
         self.look_for_message()
         if reading.kind is Kind.INVALID:

@@ -69,6 +69,7 @@ class FanucAHost(HostLine):
             raise UsageError(job.refusal)
         self._job = job
         self._state = State.ARMED
+        self._armed_at = now
         self._drop_wishes()
         self._proven = self._high = 0
         self._stored_at_end = None

@@ -178,3 +178,14 @@ class Exchange:
         since = max(self._heard_at, self.outbox.left_at or self._heard_at)
         margin = round(self._params.margin * SECOND)
         self._timers.start(Timer.SILENCE, max(since + self._agreement.longest_silence, now) + margin)
+
+    def watch_from(self, armed_at: Nanos) -> None:
+        """A program is armed while packets are on that hold nothing of it. A control that is still among them answers
+        its operator's RESET by CAN; one that has left them, for an open line, waits for SYN, says nothing to RESET and
+        hears no packet (4.6 1)). So for as long as To the silence may be that of an operator on the way to RESET.
+        """
+        if self.outbox.idle and not self.reader.pending and self._heard_at is not None:
+            patience = max(self._agreement.longest_silence, self._agreement.to) + round(self._params.margin * SECOND)
+            self._timers.start(Timer.SILENCE, max(self._heard_at, armed_at) + patience)
+        else:
+            self._timers.stop(Timer.SILENCE)

@@ -76,6 +76,7 @@ class HostLine(ABC):
         self._poll = SourcePoll(self._timers)
         self._streaming = Streaming(params, self._agreement, self._outbox, self._timers, self._poll, self._events)
         self._fresh = False
+        self._armed_at: Nanos = 0
         self._polled_by: Command | None = None
         self._wishes: dict[Command, Message] = {}
         self._crossed: Message | None = None
@@ -253,7 +254,10 @@ class HostLine(ABC):
         self._watch_room(now)
         ours = any(self._timers.running(timer) for timer in (Timer.WAT, Timer.QUIET, Timer.REPEAT, Timer.CROSSED))
         if not self._closed:
-            self._exchange.watch(not ours and not self._streaming.our_turn, now)
+            if self._streaming.our_turn and self._state is State.ARMED:
+                self._exchange.watch_from(self._armed_at)
+            else:
+                self._exchange.watch(not ours and not self._streaming.our_turn, now)
         if self._outbox.idle and not self._recall:
             self._finish()
 
