@@ -21,13 +21,12 @@ from typing import Any, Final
 from unittest.mock import patch
 
 from benchmarks.report import PAGE, table, write_section
+from benchmarks.soak_ends import Far, MarkedPort
 from benchmarks.soak_far import descriptors, memory_bytes
 from benchmarks.soak_lines import (
     CommandLine,
-    Far,
     Line,
     MarkedLine,
-    MarkedPort,
     PluggedLine,
     Rfc2217CommandLine,
     Rfc2217ServerLine,
