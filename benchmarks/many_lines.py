@@ -26,8 +26,13 @@ from benchmarks.report import spread, table, write_section
 
 BAUD: Final = 86400
 BITS: Final = 11
-SECONDS: Final = 12.0
+SECONDS: Final = 8.0
 RUNS: Final = 3
+MOST_RUNS: Final = 6
+QUIET: Final = 0.01
+"""What is stolen from a virtual machine stops all lines at once for up to a tenth of a second: with more than this a
+run says nothing of the program that ran, and another is made."""
+
 PEER: Final = Path(__file__).with_name("many_lines_peer.c")
 CASES: Final = (
     ("tapewire", 256),
@@ -53,6 +58,8 @@ class Run:
     """Processor seconds a second."""
     memory: float
     """Bytes a line, beyond what the process needs for none."""
+    stolen: float
+    """Share of the processors that went to other guests of the computer this one is a guest of."""
 
 
 def compiled(folder: Path) -> Path:
@@ -119,7 +126,13 @@ def begin(far: subprocess.Popen[str]) -> None:
     far.stdin.flush()
 
 
+def stolen_s() -> float:
+    """Processor seconds that the hypervisor gave to others, since the start of this system."""
+    return int(Path("/proc/stat").read_text().split("\n", 1)[0].split()[8]) / os.sysconf("SC_CLK_TCK")
+
+
 def run(way: str, lines: int, peer: Path, program: Path) -> Run:
+    stolen, began = stolen_s(), time.monotonic()
     with peers(peer, lines, program, way != "cat") as (far, names):
         used = feed_by_cat(names, program, far) if way == "cat" else feed_by_worker(way, names, program, far)
         assert far.stdout is not None
@@ -133,7 +146,17 @@ def run(way: str, lines: int, peer: Path, program: Path) -> Run:
         cpu_s_per_mb=used["cpu_s"] / (size * lines / 1e6),
         cores=used["cpu_s"] / used["wall_s"],
         memory=used["memory"],
+        stolen=(stolen_s() - stolen) / (time.monotonic() - began) / (os.cpu_count() or 1),
     )
+
+
+def quiet_runs(way: str, lines: int, peer: Path, program: Path, wanted: int) -> tuple[list[Run], int]:
+    """So many runs from which little was stolen, or those with the least; and how many were made."""
+    runs: list[Run] = []
+    while len(runs) < MOST_RUNS and sum(run.stolen <= QUIET for run in runs) < wanted:
+        runs.append(run(way, lines, peer, program))
+        print(way, lines, runs[-1], flush=True)
+    return sorted(runs, key=lambda run: run.stolen)[:wanted], len(runs)
 
 
 def main() -> None:
@@ -144,21 +167,37 @@ def main() -> None:
     asked = arguments.parse_args()
     cases = [(asked.only.split(":")[0], int(asked.only.split(":")[1]))] if asked.only else CASES
     found: dict[tuple[str, int], list[Run]] = {}
+    made = 0
     with tempfile.TemporaryDirectory() as folder:
         peer, program = compiled(Path(folder)), program_of(Path(folder), asked.seconds)
-        for _ in range(asked.runs):
-            for way, lines in cases:
-                found.setdefault((way, lines), []).append(run(way, lines, peer, program))
-                print(way, lines, found[way, lines][-1], flush=True)
+        for way, lines in cases:
+            found[way, lines], count = quiet_runs(way, lines, peer, program, asked.runs)
+            made += count
     if not asked.only:
-        write_section(
-            "many-lines",
-            "Many lines at once",
-            text_of(found),
-        )
+        first = os.sched_getscheduler(0) != os.SCHED_OTHER
+        priority = "with real-time priority (`chrt -f 10`)" if first else "without real-time priority"
+        write_section("many-lines", "Many lines at once", text_of(found, made, asked.seconds, priority))
 
 
-def text_of(found: dict[tuple[str, int], list[Run]]) -> str:
+ABOUT: Final = """\
+Every line at {baud} baud for {seconds:g} s at once, from one process, protocol expansion B: each with its own job,
+engine, driver and line, as `tapewire send` has them. The far ends are pseudo terminals of a program in C that reads
+each at exactly the rate of a line, asks with DC1, compares every byte, notes the longest time without a character, and
+says DC3 at the end; its buffers never fill, so that nothing but the feeding leaves a wire idle. It looks once a
+millisecond, and a gap is that exact. Only the feeding process is counted (getrusage), from the first DC1 to the end of
+all jobs. Median (minimum to maximum) of {runs} runs {priority}, beside other work on
+the same two cores; every run byte-identical on every line. This computer is a guest on another, which at times takes
+it off its processors for a tenth of a second or more, and so leaves all wires idle at once: of {made} runs those are
+shown from which least was stolen, {stolen} of the time.
+
+pyserial: a thread a port, the same window, what came in looked at before each quarter of a window is written; at 203
+ports its `select()` ends. `cat`: a process a port, everything left to the kernel, which takes some thousand characters
+at once: it could not stop for a control, and is here as the floor.
+
+"""
+
+
+def text_of(found: dict[tuple[str, int], list[Run]], made: int, seconds: float, priority: str) -> str:
     rows = [
         [
             f"{way}, {lines} lines",
@@ -172,7 +211,17 @@ def text_of(found: dict[tuple[str, int], list[Run]]) -> str:
         for (way, lines), runs in found.items()
     ]
     head = ["who feeds", "all lines, %", "worst line, %", "longest gap, ms", "CPU s per MB", "cores", "kB a line"]
-    return table(head, rows)
+    ours, theirs = (median(run.cpu_s_per_mb for run in found[way, 200]) for way in ("tapewire", "pyserial"))
+    goals = (
+        f"At 200 lines that is {ours / theirs:.2f} of pyserial's processor time for the same bytes (goal: at most a"
+        f" third). 256 lines use {median(run.cores for run in found['tapewire', 256]):.2f} cores (goal: 99 % of every"
+        " line within two). Every figure is of pseudo terminals: a real port costs two questions to its driver more at"
+        " each refill, and has its own interrupts."
+    )
+    runs = len(found["tapewire", 256])
+    stolen = spread([run.stolen * 100 for each in found.values() for run in each], ".1f") + " %"
+    about = ABOUT.format(baud=BAUD, seconds=seconds, runs=runs, priority=priority, made=made, stolen=stolen)
+    return about + table(head, rows) + "\n\n" + goals
 
 
 if __name__ == "__main__":

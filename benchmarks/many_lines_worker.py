@@ -22,6 +22,9 @@ from typing import Final
 DC1: Final = b"\x11"
 DC3: Final = b"\x13"
 
+SETTLE_S: Final = 1.0
+"""From the opening of the last line until the controls ask: what each job does once at its start is no feeding."""
+
 
 def memory_bytes() -> int:
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
@@ -45,7 +48,7 @@ def feed_by_tapewire(paths: list[str], program: str, baud: int, ready: Callable[
         if isinstance(report, Ready):
             opened += 1
             if opened == len(paths):
-                ready()
+                asyncio.get_running_loop().call_later(SETTLE_S, ready)
 
     async def all_of_them() -> Counter[str]:
         jobs = (

@@ -19,7 +19,7 @@ from tapewire.errors import UsageError
 from tapewire.line.pacing import RxPacer, TxPacer, character_time
 from tapewire.line.transport import Closed, Fault, LineItem, StopDistance
 
-__all__ = ["BAUD_LIMITS", "Arrivals", "DescriptorLine", "LineSettings", "Parity", "Signals"]
+__all__ = ["BAUD_LIMITS", "BREAK_TIME", "Arrivals", "DescriptorLine", "LineSettings", "Parity", "Signals"]
 
 BAUD_LIMITS: Final = (50, 4_000_000)
 """From the slowest teleprinter rate termios knows to the fastest."""
@@ -41,6 +41,10 @@ SLACK_SHARE: Final = 4
 
 QUEUE_POLL: Final[Nanos] = 5 * MILLISECOND
 """How often the kernel's queue is asked while it holds more than the model of the line says it should."""
+
+
+BREAK_TIME: Final[Nanos] = 250 * MILLISECOND
+"""How long a break is held: the least that tcsendbreak takes, and longer than any character."""
 
 
 class Parity(StrEnum):
@@ -214,6 +218,8 @@ class DescriptorLine:
         self._signals: SignalsIn | None = None
         self._asked: Nanos | None = None
         self._queued_then = 0
+        self._break_wanted = False
+        self._break_ends: Nanos | None = None
 
     @property
     def connected(self) -> bool:
@@ -235,6 +241,8 @@ class DescriptorLine:
         if self._fd is None:
             return []
         self._flush()
+        if self._is_breaking:
+            self._go_on_with_break(self._fd, now)
         if self._signals is None:
             self._look_at_signals()
             self._collect(self._fd)
@@ -247,7 +255,7 @@ class DescriptorLine:
         """The window less what is in flight, in pieces of at least a quarter of it."""
         self._now = now
         closed = self._fd is None or not self._connected or self._ended or self._failure is not None
-        if closed or self._unsent or (self._signals is not None and not self._signals.cts):
+        if closed or self._unsent or self._is_breaking or (self._signals is not None and not self._signals.cts):
             self._room = 0
         else:
             self._room = self._tx.offer(self._settings.window - self.in_flight(now))
@@ -299,6 +307,33 @@ class DescriptorLine:
         self._tx.call_back(count)
         return count
 
+    @property
+    def can_break(self) -> bool:
+        """This kind of line can send a break."""
+        return False
+
+    def send_break(self, now: Nanos) -> None:
+        """Hold the wire for BREAK_TIME once all that was handed over has left; until it is over nothing else is sent.
+
+        Asked again meanwhile it is the same break.
+        """
+        self._now = now
+        self._break_wanted = self._break_ends is None
+        if self._fd is not None:
+            self._go_on_with_break(self._fd, now)
+
+    @property
+    def _is_breaking(self) -> bool:
+        return self._break_wanted or self._break_ends is not None
+
+    def _go_on_with_break(self, fd: int, now: Nanos) -> None:
+        if self._break_ends is not None and now >= self._break_ends:
+            self._break_ends = None
+            self._end_break(fd)
+        elif self._break_wanted and not self.in_flight(now):
+            self._break_wanted, self._break_ends = False, now + BREAK_TIME
+            self._begin_break(fd)
+
     def set_signals(self, signals: SignalsOut, now: Nanos) -> None:
         """Nothing: only a real port has control lines."""
 
@@ -308,6 +343,7 @@ class DescriptorLine:
         if self._failure is not None and not self._ended:
             return self._now
         nearest = _nearer(self._next_room(), self._arrivals.next_deadline())
+        nearest = _nearer(nearest, self._break_ends)
         if not self._ended:
             poll = _nearer(self._poll_interval(), QUEUE_POLL if self._behind else None)
             if poll is not None:
@@ -408,6 +444,12 @@ class DescriptorLine:
     def _recall(self, fd: int) -> int:
         """Call back what the kernel took. Returns how many characters will never leave."""
         return 0
+
+    def _begin_break(self, fd: int) -> None:
+        """Hold the wire; only called where `can_break`."""
+
+    def _end_break(self, fd: int) -> None:
+        """Let go of it."""
 
     def _ask_signals(self, fd: int) -> SignalsIn | None:
         """The control lines; None where there are none."""
