@@ -15,7 +15,15 @@ from typing import Final
 from tapewire.errors import UsageError
 from tapewire.fanuc.parameters import CATALOGUE, ParameterSet
 
-__all__ = ["LONGEST_FILE_BYTES", "ParameterFile", "read_parameters", "write_punch", "write_toml"]
+__all__ = [
+    "LONGEST_FILE_BYTES",
+    "ParameterFile",
+    "read_parameters",
+    "value_of",
+    "word_of",
+    "write_punch",
+    "write_toml",
+]
 
 LONGEST_FILE_BYTES: Final = 8 << 20
 """The largest control has some ten thousand parameters for each of 24 axes; a file beyond this is none of them."""
@@ -82,12 +90,20 @@ def _punched_value(where: str, number: int, rest: str) -> int:
     return _value(where, number, found["value"])
 
 
-def _value(where: str, number: int, word: str) -> int:
+def value_of(number: int, word: str) -> int:
+    """The value of `word` as it is punched or typed, digits with a sign. Raises UsageError for what is no bits."""
     if not CATALOGUE[number].is_bits:
         return int(word)
     if not _BITS.match(word):
-        raise UsageError(f"{where}: No. {number:04d} is of bit type: eight digits 0 or 1 are expected, not {word}")
+        raise UsageError(f"No. {number:04d} is of bit type: eight digits 0 or 1 are expected, not {word}")
     return int(word, 2)
+
+
+def _value(where: str, number: int, word: str) -> int:
+    try:
+        return value_of(number, word)
+    except UsageError as error:
+        raise UsageError(f"{where}: {error}") from None
 
 
 def _put(values: dict[int, int], number: int, value: int, where: str) -> None:
@@ -147,7 +163,7 @@ def _named_bits(key: str, number: int, names: Mapping[object, object]) -> int:
 
 def write_punch(parameters: ParameterSet) -> str:
     """As a control punches them: between `%`, one block a line."""
-    blocks = [f"N{number:04d} P{_word(number, value)}" for number, value in sorted(parameters.values.items())]
+    blocks = [f"N{number:04d} P{word_of(number, value)}" for number, value in sorted(parameters.values.items())]
     return "\n".join(("%", *blocks, "%")) + "\n"
 
 
@@ -156,11 +172,12 @@ def write_toml(parameters: ParameterSet) -> str:
     lines = ["[parameters]"]
     for number, value in sorted(parameters.values.items()):
         record = CATALOGUE[number]
-        word = f'"{_word(number, value)}"' if record.is_bits else str(value)
+        word = f'"{word_of(number, value)}"' if record.is_bits else str(value)
         meaning = record.values.get(value)
         lines.append(f"{number:04d} = {word}  # {record.title}{f': {meaning}' if meaning else ''}")
     return "\n".join(lines) + "\n"
 
 
-def _word(number: int, value: int) -> str:
+def word_of(number: int, value: int) -> str:
+    """As it is punched: bits as eight digits."""
     return f"{value:08b}" if CATALOGUE[number].is_bits else str(value)

@@ -30,6 +30,8 @@ __all__ = ["Decoded", "Encoded", "Encoding", "Source", "check_file", "decode_fil
 CHORDS: Final = 0.1
 """Of the path tolerance, for the chords of arcs."""
 
+TEXT_BYTES: Final = 1 << 18
+
 
 class Source:
     """What the numbers to encode are: words of the command line."""
@@ -173,7 +175,7 @@ def _from_nc(file: IO[bytes], encoding: Encoding) -> _Made:
         inch_machine=any(axis.unit is Unit.INCH for axis in machine.axes),
         rotary=frozenset(axis.name for axis in machine.axes if axis.unit is Unit.DEGREE),
     )
-    reader = NcReader(_lines(file), reading)
+    reader = NcReader(_text(file), reading)
     kept = Planning(
         machine=machine,
         layout=planning.layout,
@@ -194,9 +196,9 @@ def _from_nc(file: IO[bytes], encoding: Encoding) -> _Made:
     return _Made(text, plan.travel(reader.moves()), after, plan.report, reader.start)
 
 
-def _lines(file: IO[bytes]) -> Iterator[str]:
-    while line := file.readline(8192):
-        yield line.decode("latin-1")
+def _text(file: IO[bytes]) -> Iterator[str]:
+    while piece := file.read(TEXT_BYTES):
+        yield piece.decode("latin-1")
 
 
 def _path(file: IO[bytes], name: str, machine: Machine) -> tuple[Floats, Iterator[Moves]]:

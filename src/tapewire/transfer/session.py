@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from tapewire.engine import SECOND, Closure, Ended, Engine, Event, Held, Nanos, Notice, Outcome, Resumed
+from tapewire.engine import SECOND, Alarm, Closure, Ended, Engine, Event, Held, Nanos, Notice, Outcome, Resumed
 from tapewire.line.capture import Origin, Side
 from tapewire.line.capture_file import CaptureSettings
 from tapewire.line.descriptor import LineSettings
@@ -106,6 +106,7 @@ class Session:
     `give_up(now)` is called when the job is to be ended from here. `tolerated` is what the other side takes after its
     stop request, `total` the size of the job where it is known. After the end the line is kept for `linger_s`, or
     until the other side closes it. `between` may put something between the line, captured as it is, and the engine.
+    `heard` gets every event before it is reported. A job that is complete goes on until `at_rest`.
     """
 
     def __init__(
@@ -122,6 +123,8 @@ class Session:
         linger_s: float = 0.0,
         details: Callable[[], dict[str, int]] = dict,
         between: Callable[[Transport], Transport] | None = None,
+        heard: Callable[[Event, Nanos], None] = nothing,
+        at_rest: Callable[[], bool] = lambda: True,
     ) -> None:
         self.job = job
         self.engine = engine
@@ -139,6 +142,8 @@ class Session:
         self._linger_s = linger_s
         self._details = details
         self._between = between
+        self._heard = heard
+        self._at_rest = at_rest
         self._window = default_window(job.baud, tolerated)
         self.meter = Meter(character_time(job.baud), self._window)
         self._began = monotonic()
@@ -205,7 +210,7 @@ class Session:
         return Ended(outcome=outcome, reason=reason, bytes_low=0, bytes_high=0)
 
     async def _drive(self) -> None:
-        driving = asyncio.ensure_future(self.driver.run(lambda: self.ended is not None))
+        driving = asyncio.ensure_future(self.driver.run(lambda: self._is_over))
         ticker = asyncio.ensure_future(self._tick())
         try:
             await self._race(driving)
@@ -241,11 +246,18 @@ class Session:
         self.abort()
         await asyncio.wait([driving], timeout=ABORT_LIMIT_S)
 
+    @property
+    def _is_over(self) -> bool:
+        return self.ended is not None and (self.ended.outcome is not Outcome.COMPLETE or self._at_rest())
+
     def abort(self) -> None:
         """Give the job up in an orderly way; `run` returns when the engine has said its last."""
-        if self.ended is None:
+        if not self._is_over:
             self._give_up(monotonic())
             self.driver.wake()
+            if self.ended is not None:
+                outcome, reason = self._overruled or (Outcome.CANCELLED, "given up here before all was executed")
+                self.ended = replace(self.ended, outcome=outcome, reason=reason)
 
     def _give_up_line(self) -> None:
         """The line does not take the engine's last words: to the engine it is gone."""
@@ -283,6 +295,7 @@ class Session:
             self._all_sent = self._total is not None and self._bytes_done() >= self._total
 
     def _on_event(self, event: Event, now: Nanos) -> None:
+        self._heard(event, now)
         match event:
             case Held():
                 self.stops += 1
@@ -297,7 +310,7 @@ class Session:
                 return
             case _:
                 pass
-        if self.ended is None:
+        if self.ended is None or isinstance(event, Alarm | Notice):
             self.job.observer(event, now)
 
 
