@@ -36,6 +36,9 @@ LOOK_BOUND: Final = 65536
 GROUP_TIME: Final[Nanos] = 2 * MILLISECOND
 """Paced characters are passed on in groups of this duration: two late wake-ups long, 16 characters at 86400."""
 
+SLACK_SHARE: Final = 4
+"""A quarter of the window may pass before a refill that is due: half of it, 13 ms, is left then before a gap."""
+
 QUEUE_POLL: Final[Nanos] = 5 * MILLISECOND
 """How often the kernel's queue is asked while it holds more than the model of the line says it should."""
 
@@ -175,6 +178,12 @@ def _characters(item: LineItem) -> int:
             return 0
 
 
+def _nearer(one: Nanos | None, other: Nanos | None) -> Nanos | None:
+    if one is None or other is None:
+        return other if one is None else one
+    return one if one <= other else other
+
+
 class DescriptorLine:
     """A Transport over a non-blocking file descriptor, which it owns.
 
@@ -187,6 +196,9 @@ class DescriptorLine:
         self._settings = settings
         self._fd: int | None = fd
         self._tx = TxPacer(character, settings.window)
+        self.slack: Nanos = 0 if settings.paced_reception else settings.window * character // SLACK_SHARE
+        """How much later than its deadline this line may be looked at. What is due in a closed loop, or character by
+        character, is due at once: a small window has next to none."""
         self._arrivals = Arrivals(RxPacer(character) if settings.paced_reception else None)
         self._now: Nanos = 0
         self._room = 0
@@ -200,6 +212,8 @@ class DescriptorLine:
         self._ended = False
         self._connected = True
         self._signals: SignalsIn | None = None
+        self._asked: Nanos | None = None
+        self._queued_then = 0
 
     @property
     def connected(self) -> bool:
@@ -232,10 +246,11 @@ class DescriptorLine:
     def room(self, now: Nanos) -> int:
         """The window less what is in flight, in pieces of at least a quarter of it."""
         self._now = now
-        open_to_send = self._fd is not None and self._connected and not (self._ended or self._failure)
-        cts = self._signals is None or self._signals.cts
-        free = self._settings.window - self.in_flight(now)
-        self._room = self._tx.offer(free) if open_to_send and cts and not self._unsent else 0
+        closed = self._fd is None or not self._connected or self._ended or self._failure is not None
+        if closed or self._unsent or (self._signals is not None and not self._signals.cts):
+            self._room = 0
+        else:
+            self._room = self._tx.offer(self._settings.window - self.in_flight(now))
         return self._room
 
     def write(self, data: bytes, now: Nanos) -> None:
@@ -248,9 +263,11 @@ class DescriptorLine:
 
     def in_flight(self, now: Nanos) -> int:
         """By the model of a line at its rate, and at least what the kernel and this end still hold."""
-        held, by_model = self._held() - self._patience, self._tx.in_flight(now)
-        self._behind = self._behind or held > by_model
-        return max(by_model, held)
+        held, by_model = self._held(now) - self._patience, self._tx.in_flight(now)
+        if held <= by_model:
+            return by_model
+        self._behind = True
+        return held
 
     def on_its_way(self, now: Nanos) -> int:
         """What the kernel and this end still hold. The FIFO of a UART (16 characters) cannot be asked.
@@ -259,12 +276,17 @@ class DescriptorLine:
         """
         if self._settings.paced_reception:
             return self._tx.in_flight(now)
-        held = self._held()
+        held = self._held(now)
         self._behind = self._behind or held > 0
         return held
 
-    def _held(self) -> int:
-        return 0 if self._fd is None or self._ended else self._queued(self._fd) + len(self._unsent)
+    def _held(self, now: Nanos) -> int:
+        """The kernel is asked once for one moment, and again when it has been given more."""
+        if self._fd is None or self._ended:
+            return 0
+        if now != self._asked:
+            self._asked, self._queued_then = now, self._queued(self._fd)
+        return self._queued_then + len(self._unsent)
 
     def discard(self, now: Nanos) -> int:
         """Call back what the kernel did not take, and of what it took as much as this kind of line can."""
@@ -272,6 +294,7 @@ class DescriptorLine:
         if self._fd is None or self._ended:
             return 0
         count = len(self._unsent) + self._recall(self._fd)
+        self._asked = None
         self._unsent.clear()
         self._tx.call_back(count)
         return count
@@ -284,14 +307,12 @@ class DescriptorLine:
             return None
         if self._failure is not None and not self._ended:
             return self._now
-        moments = [self._next_room(), self._arrivals.next_deadline()]
+        nearest = _nearer(self._next_room(), self._arrivals.next_deadline())
         if not self._ended:
-            poll = self._poll_interval()
-            if self._behind:
-                poll = QUEUE_POLL if poll is None else min(poll, QUEUE_POLL)
+            poll = _nearer(self._poll_interval(), QUEUE_POLL if self._behind else None)
             if poll is not None:
-                moments.append(self._now + poll)
-        return min((moment for moment in moments if moment is not None), default=None)
+                nearest = _nearer(nearest, self._now + poll)
+        return nearest
 
     @property
     def stop_distance(self) -> StopDistance:
@@ -339,6 +360,9 @@ class DescriptorLine:
         self._arrivals.put(closed)
 
     def _flush(self) -> None:
+        if not self._unsent:
+            return
+        self._asked = None
         while self._unsent and self._fd is not None and self._failure is None:
             try:
                 del self._unsent[: os.write(self._fd, self._unsent)]

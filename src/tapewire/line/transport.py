@@ -12,7 +12,7 @@ from typing import Protocol, TypeAlias
 
 from tapewire.engine import Closure, LineFault, Nanos, SignalsIn, SignalsOut
 
-__all__ = ["Closed", "Fault", "LineItem", "StopDistance", "Transport", "watched_of"]
+__all__ = ["Closed", "Fault", "LineItem", "StopDistance", "Transport", "slack_of", "watched_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,3 +97,9 @@ def watched_of(transport: Transport) -> int | None:
     """
     watched: int | None = getattr(transport, "watched", None)
     return watched
+
+
+def slack_of(transport: Transport) -> Nanos:
+    """How much later than its deadline a line may be looked at without a gap on the wire; 0 unless it says more."""
+    slack: Nanos = getattr(transport, "slack", 0)
+    return slack

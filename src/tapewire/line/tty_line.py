@@ -180,6 +180,8 @@ class TtyLine(DescriptorLine):
         return Closed(closure=Closure.LOST, reason=f"{self._path} was lost: it hung up or was unplugged")
 
     def _queued(self, fd: int) -> int:
+        if self._is_pseudo:
+            return 0  # which is what it says whatever it holds
         with contextlib.suppress(OSError):
             return self._kernel.queued(fd)
         return 0
