@@ -15,10 +15,9 @@ from tapewire.cli.common import (
     NOT_COMPLETE,
     capture_of,
     capture_options,
-    ignore_signals,
     parse_words,
-    stop_on_signals,
 )
+from tapewire.cli.ending import ignore_signals, stop_on_signals
 from tapewire.cli.output import JsonLines, Output, PeopleLines, Presenter, Shown
 from tapewire.engine import Outcome
 from tapewire.errors import UsageError

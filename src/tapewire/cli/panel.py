@@ -14,7 +14,8 @@ import click
 from rich.console import Console, RenderableType
 from rich.live import Live
 
-from tapewire.cli.common import COMPLETE, INTERRUPTED, NOT_COMPLETE, ignore_signals, stop_on_signals
+from tapewire.cli.common import COMPLETE, INTERRUPTED, NOT_COMPLETE
+from tapewire.cli.ending import ignore_signals, stop_on_signals
 from tapewire.cli.panel_keys import keys_of
 from tapewire.cli.panel_page import ParameterPage
 from tapewire.cli.panel_view import HEIGHT, WIDTH, Leds, Page, PanelState, SoftKey, page_room, picture

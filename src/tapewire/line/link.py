@@ -157,6 +157,8 @@ class Link:
             engine.data_sent(len(data), now)
             if self.on_sent is not None:
                 self.on_sent(self.characters_sent, now)
+            if len(data) == room:
+                return
 
     def _drain(self, now: Nanos) -> None:
         """What the application has to tell comes first: an alarm before the end that it makes."""
