@@ -73,7 +73,6 @@ def _become_tapewire(words: Sequence[str], streams: tuple[int, int, int], larges
         if os.isatty(0):
             _take_terminal()
         resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))
-        signal.signal(signal.SIGINT, signal.default_int_handler)
         sys.stdin = open(0)  # noqa: SIM115
         sys.stdout = open(1, "w", buffering=1)  # noqa: SIM115
         sys.stderr = open(2, "w", buffering=1)  # noqa: SIM115

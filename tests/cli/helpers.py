@@ -19,7 +19,7 @@ from typing import Any, Final
 import pytest
 
 from tapewire.cli import main
-from tapewire.cli.common import ENDING_SIGNALS
+from tapewire.cli.ending import ENDING_SIGNALS
 from tests.cli.forked import Forked
 
 DEADLINE_S: Final = 30.0
@@ -136,17 +136,23 @@ def invoke(*words: object) -> Finished:
 def printed(*words: object) -> Finished:
     """The same of a command that works no line: what it is for goes to stdout."""
     texts = [str(word) for word in words]
-    handlers = {number: signal.getsignal(number) for number in ENDING_SIGNALS}
     output, errors = StringIO(), StringIO()
-    try:
-        with redirect_stdout(output), redirect_stderr(errors), pytest.raises(SystemExit) as ended:
-            main(texts, prog_name="tapewire")
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
+    with own_handlers(), redirect_stdout(output), redirect_stderr(errors), pytest.raises(SystemExit) as ended:
+        main(texts, prog_name="tapewire")
     assert isinstance(ended.value.code, int)
     events = [json.loads(line) for line in output.getvalue().splitlines()] if "--json" in texts else []
     return Finished(ended.value.code, events, output.getvalue(), errors.getvalue())
+
+
+@contextmanager
+def own_handlers() -> Iterator[None]:
+    """What a command makes of its signals ends with it."""
+    handlers = {number: signal.getsignal(number) for number in ENDING_SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
 
 
 def check(finished: Finished, words: list[str]) -> Finished:

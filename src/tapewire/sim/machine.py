@@ -67,7 +67,7 @@ class Control:
         flow: ProgramFlow | None = None,
     ) -> None:
         self._engine = engine
-        self._sink = sink
+        self.sink = sink
         if blocks_per_second is not None:
             each = round(SECOND / blocks_per_second)
             block_time = lambda block: each  # noqa: E731
@@ -75,9 +75,9 @@ class Control:
         self._eob = eob
         self._acts: list[tuple[int, Callable[[Nanos], None]]] = []
         if reset_after is not None:
-            self._acts.append((reset_after, engine.reset))
+            self.at(reset_after, self.reset)
         if alarm_after is not None:
-            self._acts.append((alarm_after, engine.alarm))
+            self.at(alarm_after, self.alarm)
         self.binary = binary
         self._send_buffer = bytearray()
         self._block_done: Nanos | None = None
@@ -129,6 +129,10 @@ class Control:
 
     # the operator
 
+    def at(self, count: int, act: Callable[[Nanos], None]) -> None:
+        """Have somebody act when `count` bytes of program have been taken, or punched, and no byte more is taken."""
+        self._acts.append((count, act))
+
     def cycle_start(self, now: Nanos) -> None:
         """The control begins to read a program. Raises UsageError where it cannot."""
         self._engine.cycle_start(now)
@@ -177,7 +181,7 @@ class Control:
             room = min(room, max(0, at - self.bytes_taken))
         data = self._engine.take(room, now) if room else b""
         if data:
-            self._sink.write(data)
+            self.sink.write(data)
             self._send_buffer += data
             self.bytes_taken += len(data)
         if self._acts:
@@ -187,7 +191,6 @@ class Control:
     def _act(self, now: Nanos) -> None:
         for entry in [entry for entry in self._acts if entry[0] <= max(self.bytes_taken, self._engine.progress)]:
             self._acts.remove(entry)
-            self._forget()
             entry[1](now)
 
     def _execute(self, now: Nanos) -> bool:

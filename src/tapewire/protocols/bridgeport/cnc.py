@@ -23,6 +23,7 @@ from __future__ import annotations
 from typing import Final
 
 from tapewire.engine import (
+    ALL_ON,
     MILLISECOND,
     Closure,
     Event,
@@ -152,7 +153,7 @@ class BridgeportCnc(Reading):
 
     @property
     def signals(self) -> SignalsOut:
-        return SignalsOut()
+        return ALL_ON
 
     # time and what happened
 
