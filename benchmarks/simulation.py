@@ -34,7 +34,8 @@ time for a second of processor time, no transcript kept.
 
 """
 
-BOUNDS = """What bounds the saturated line: one step of the host for each piece it hands over, a quarter of its window, and one of
+BOUNDS = """\
+What bounds the saturated line: one step of the host for each piece it hands over, a quarter of its window, and one of
 the control for each piece that its FIFO tells. A step of either is some thirty calls, of which none stands out, so
 that the figure follows from the size of the pieces. What bounds the executing control: one step for each block.
 
