@@ -55,7 +55,7 @@ class Run:
     """The longest time without a character on any line."""
     cpu_s_per_mb: float
     cores: float
-    """Processor seconds a second."""
+    """Processor seconds for each second of the longest line."""
     memory: float
     """Bytes a line, beyond what the process needs for none."""
     stolen: float
@@ -106,7 +106,7 @@ def feed_by_worker(way: str, names: list[str], program: Path, far: subprocess.Po
 
 
 def feed_by_cat(names: list[str], program: Path, far: subprocess.Popen[str]) -> dict[str, Any]:
-    before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     begin(far)
     cats = []
     for name in names:
@@ -115,9 +115,9 @@ def feed_by_cat(names: list[str], program: Path, far: subprocess.Popen[str]) -> 
         os.close(port)
     for cat in cats:
         cat.wait()
-    after, took = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic() - began
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return {"cpu_s": used, "wall_s": took, "memory": 0.0}
+    return {"cpu_s": used, "memory": 0.0}
 
 
 def begin(far: subprocess.Popen[str]) -> None:
@@ -144,7 +144,7 @@ def run(way: str, lines: int, peer: Path, program: Path) -> Run:
         share_of_all=sum(row[3] for row in rows) / sum(row[4] for row in rows),
         gap_ms=max(row[2] for row in rows) / 1e6,
         cpu_s_per_mb=used["cpu_s"] / (size * lines / 1e6),
-        cores=used["cpu_s"] / used["wall_s"],
+        cores=used["cpu_s"] / (max(row[4] for row in rows) / 1e9),
         memory=used["memory"],
         stolen=(stolen_s() - stolen) / (time.monotonic() - began) / (os.cpu_count() or 1),
     )

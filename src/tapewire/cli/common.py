@@ -20,6 +20,7 @@ from tapewire.line.driver import monotonic
 from tapewire.protocols import PROTOCOLS
 from tapewire.protocols.bridgeport.profile import Profile
 from tapewire.protocols.settings import End
+from tapewire.transfer.reopening import WhenLost
 from tapewire.transfer.reports import Result
 from tapewire.transfer.session import JobSettings
 
@@ -36,6 +37,7 @@ __all__ = [
     "parse_words",
     "run_job",
     "settings_of",
+    "when_lost_option",
 ]
 
 COMPLETE: Final = 0
@@ -120,6 +122,18 @@ def line_options_of_one_protocol(command: Command) -> Command:
 def capture_options(command: Command) -> Command:
     """The options of a command that can put a line on record."""
     return _with(command, _CAPTURE)
+
+
+def when_lost_option(command: Command) -> Command:
+    """For a command that may wait for something to begin, for days if need be."""
+    option = click.option(
+        "--when-lost",
+        type=click.Choice([what.value for what in WhenLost]),
+        default=WhenLost.END.value,
+        show_default=True,
+        help="A line that is lost ends the command, or is waited for under its name as long as no job has begun on it.",
+    )
+    return option(command)
 
 
 def _with(command: Command, options: Sequence[Callable[[Command], Command]]) -> Command:

@@ -357,6 +357,8 @@ def _reading(path: Path) -> Iterator[IO[bytes]]:
 @contextmanager
 def _writing(out: Path, force: bool) -> Iterator[StoredFile]:
     """A file that gets its name when all of it is there."""
+    if out.is_dir():
+        raise UsageError(f"{out} is a folder: name a file in it")
     if os.path.lexists(out) and not force:
         raise UsageError(f"{out} exists; name another file, or say --force to replace it")
     part_path = out.with_name(out.name + ".part")

@@ -8,10 +8,24 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from tapewire.engine import SECOND, Alarm, Closure, Ended, Engine, Event, Held, Nanos, Notice, Outcome, Resumed
+from tapewire.engine import (
+    SECOND,
+    Alarm,
+    Closure,
+    Ended,
+    Engine,
+    Event,
+    Held,
+    Nanos,
+    Notice,
+    Outcome,
+    Received,
+    Resumed,
+    Started,
+)
 from tapewire.line.capture import Origin, Side
 from tapewire.line.capture_file import CaptureSettings
-from tapewire.line.descriptor import LineSettings
+from tapewire.line.descriptor import DescriptorLine, LineSettings
 from tapewire.line.driver import LineDriver, monotonic
 from tapewire.line.link import Application, Link
 from tapewire.line.open import LineAddress, PtyAddress, open_line, parse_line
@@ -21,6 +35,7 @@ from tapewire.protocols import ProtocolEntry, protocol
 from tapewire.protocols.settings import End
 from tapewire.transfer.capturing import JobCapture
 from tapewire.transfer.meter import Meter
+from tapewire.transfer.reopening import WhenLost, open_when_back
 from tapewire.transfer.reports import Observer, Progress, Ready, nothing
 
 __all__ = ["ABORT_LIMIT_S", "JobSettings", "Session", "settings_for", "undo"]
@@ -49,6 +64,8 @@ class JobSettings:
     observer: Observer = nothing
     stop: asyncio.Event = field(default_factory=asyncio.Event)
     """Set it to give the job up in an orderly way: nothing leaves after its end."""
+    when_lost: WhenLost = WhenLost.END
+    """Of the line, before anything has begun on it; a job that has begun ends with its line."""
     began: Nanos = field(default_factory=monotonic)
     """`timeout_s` counts from here: what is prepared before the line is opened counts too."""
 
@@ -148,6 +165,7 @@ class Session:
         self.meter = Meter(character_time(job.baud), self._window)
         self._began = monotonic()
         self._overruled: tuple[Outcome, str] | None = None
+        self._was_open = self._has_begun = False
 
     @property
     def seconds(self) -> float:
@@ -159,6 +177,11 @@ class Session:
         ended = None
         try:
             ended = await self._run(begin)
+            while self._may_wait(ended):
+                text = f"{ended.reason}; nothing had begun, so {self.job.line} is opened again when it is back"
+                self.job.observer(Notice(text=text), monotonic())
+                self.ended = None
+                ended = await self._run(begin)
             return ended
         finally:
             await self._capture.close(failed=ended is None or ended.outcome is not Outcome.COMPLETE)
@@ -186,23 +209,32 @@ class Session:
         assert self.ended is not None
         return self.ended
 
-    async def _open(self) -> Transport | Ended:
-        opening = asyncio.ensure_future(
-            open_line(
-                self.job.line,
-                baud=self.job.baud,
-                stopbits=self.job.stopbits,
-                data_bits=self.job.data_bits,
-                window=self._window,
-                paced_reception=self._paced_reception,
-                on_ready=lambda line: self.job.observer(Ready(line=line), monotonic()),
-                on_note=lambda text: self.job.observer(Notice(text=text), monotonic()),
-            )
+    def _may_wait(self, ended: Ended) -> bool:
+        """The line went, and with it nothing that a person would have to look at."""
+        lost = self._was_open and self.link.closed and ended.outcome is Outcome.FAILED and self._overruled is None
+        waits = self.job.when_lost is WhenLost.WAIT and not self.job.stop.is_set()
+        return waits and lost and not self._has_begun and not self._bytes_done()
+
+    async def _open_line(self) -> DescriptorLine:
+        return await open_line(
+            self.job.line,
+            baud=self.job.baud,
+            stopbits=self.job.stopbits,
+            data_bits=self.job.data_bits,
+            window=self._window,
+            paced_reception=self._paced_reception,
+            on_ready=lambda line: self.job.observer(Ready(line=line), monotonic()),
+            on_note=lambda text: self.job.observer(Notice(text=text), monotonic()),
         )
+
+    async def _open(self) -> Transport | Ended:
+        opening = asyncio.ensure_future(open_when_back(self._open_line) if self._was_open else self._open_line())
         try:
             await self._race(opening)
             if opening.done():
-                return opening.result()
+                line = opening.result()
+                self._was_open = True
+                return line
         finally:
             if not opening.done():
                 await undo(opening)
@@ -302,6 +334,8 @@ class Session:
                 self.meter.hold(self.link.transport.in_flight(now), now)
             case Resumed():
                 self.meter.resume(now)
+            case Started() | Received():
+                self._has_begun = True
             case Ended(bytes_low=low, bytes_high=high) if self.ended is None:
                 if self._overruled is not None and event.outcome is Outcome.CANCELLED:
                     outcome, reason = self._overruled
