@@ -71,7 +71,7 @@ class Bench:
 def bad_block(block: bytes) -> Callable[[str], Bench]:
     def bring(protocol: str) -> Bench:
         bench = Bench(protocol)
-        bench.run(LONG.replace(b"M30", block + b"\nM30"))
+        bench.run(b"%\nO1\nX1.\n" + block + b"\nX2.\nM30\n%")
         return bench
 
     return bring

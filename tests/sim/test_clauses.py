@@ -102,8 +102,9 @@ def test_9_3_note_1_records_are_incremental_moves_whatever_was_modal_before(
     assert shop.blocks == len(b"%|G00|G05||X5.|M30".split(b"|"))
 
 
-def test_9_3_note_3_single_block_stops_between_blocks_and_not_between_records() -> None:
-    shop = Shop(B.with_values(BINARY), blocks_per_second=100)
+@pytest.mark.parametrize("among_records", [0, 1])
+def test_9_3_note_3_and_10_3_2007_single_block_stops_between_records_or_not(among_records: int) -> None:
+    shop = Shop(B.with_values({**BINARY, 2007: among_records << 3}), blocks_per_second=100)
     shop.nc.turn_single_block(Switch.ON)
     shop.dnc(b"%\n" + SECTION + b"X5.\nM30\n%")
     stops = []
@@ -111,7 +112,8 @@ def test_9_3_note_3_single_block_stops_between_blocks_and_not_between_records() 
         shop.world.advance(lambda: shop.pair.control.motion is Motion.STOPPED, shop.world.now + SECOND)
         stops.append(moved(shop)[0])
         shop.nc.cycle_start(shop.world.now)
-    assert set(stops) == {0, RECORDS}
+    assert sorted(set(stops)) == ([*range(RECORDS + 1)] if among_records else [0, RECORDS])
+    assert moved(shop)[1] == [RECORDS, 2 * RECORDS, 3 * RECORDS]
 
 
 def test_9_3_note_4_feed_hold_holds_the_records() -> None:
