@@ -66,7 +66,7 @@ class Run:
 
 def run(moves: int) -> Run:
     """Text, plan, records, line, control. Everything is judged by the increments that the control has summed up."""
-    reader = NcReader(finishing(moves), Reading(axes=("X", "Y", "Z")))
+    reader = NcReader(["".join(f"{line}\n" for line in finishing(moves))], Reading(axes=("X", "Y", "Z")))
     began = time.perf_counter()
     path = list(reader.moves())
     plan = Plan(PLANNING, np.array(reader.start))

@@ -12,7 +12,8 @@ from rich.console import Console
 
 from docs.generators.markup import without_fonts
 from tapewire.cli.panel import state_of
-from tapewire.cli.panel_view import PanelState, picture
+from tapewire.cli.panel_page import ParameterPage
+from tapewire.cli.panel_view import PanelState, page_room, picture
 from tapewire.engine import SECOND
 from tapewire.fanuc.host_settings import control_settings, host_settings
 from tapewire.fanuc.parameter_file import read_parameters
@@ -73,6 +74,17 @@ def unplugged() -> PanelState:
     return state_of(control, "10:31:25")
 
 
+def parameters() -> PanelState:
+    """The second page of the parameters: the rate has been changed, and the protocol to what there is none of."""
+    control, _ = operated(World())
+    page = ParameterPage(control)
+    room = page_room(*SMALL)
+    page.turn(room)
+    for key in "5083=11\n5084=9\n5082=2":
+        page.key(key, room)
+    return state_of(control, "10:31:26", page.shown(room))
+
+
 def svg(state: PanelState, size: tuple[int, int], name: str) -> str:
     width, height = size
     paper = Console(
@@ -85,4 +97,5 @@ def svg(state: PanelState, size: tuple[int, int], name: str) -> str:
 PICTURES: Final[dict[Path, Callable[[], str]]] = {
     IMAGES / "panel-80x24.svg": lambda: svg(at_work(), SMALL, "panel"),
     IMAGES / "panel-120x40.svg": lambda: svg(unplugged(), LARGE, "panel-large"),
+    IMAGES / "panel-parameters.svg": lambda: svg(parameters(), SMALL, "panel-parameters"),
 }

@@ -27,6 +27,7 @@ from enum import Enum, StrEnum
 from typing import Final, Protocol, TypeAlias
 
 __all__ = [
+    "ALL_ON",
     "MICROSECOND",
     "MILLISECOND",
     "SECOND",
@@ -41,6 +42,7 @@ __all__ = [
     "Held",
     "HostEngine",
     "LineFault",
+    "Named",
     "Nanos",
     "Notice",
     "Outcome",
@@ -99,6 +101,10 @@ class SignalsOut:
 
     rts: bool = True
     dtr: bool = True
+
+
+ALL_ON: Final = SignalsOut()
+"""An end that never holds the other by a control line drives this and nothing else."""
 
 
 class Source(Protocol):
@@ -239,10 +245,16 @@ class Events:
         return len(self._queue)
 
 
+class Named(Enum):
+    """A state, a timer, an act: each is there once, and is hashed as what it is, not by its text."""
+
+    __hash__ = object.__hash__
+
+
 class Timers:
     """Named deadlines in one table: start, stop, next, due.
 
-    `name` is an Enum member, so that a timer has the manual's name and not a number.
+    `name` is a member of an enumeration, so that a timer has the manual's name and not a number.
     """
 
     __slots__ = ("_deadlines",)
@@ -260,12 +272,13 @@ class Timers:
     def stop_all(self) -> None:
         self._deadlines.clear()
 
-    def running(self, name: Enum) -> bool:
-        return name in self._deadlines
+    def running(self, *names: Enum) -> bool:
+        """Any of them."""
+        return not self._deadlines.keys().isdisjoint(names)
 
     def next(self) -> Nanos | None:
         """The nearest deadline."""
-        return min(self._deadlines.values(), default=None)
+        return min(self._deadlines.values()) if self._deadlines else None
 
     def due(self, now: Nanos) -> Iterator[Enum]:
         """Each timer whose moment has come, earliest first, taken out of the table before it is handed out.

@@ -1,12 +1,11 @@
-"""Real `tapewire` processes, and what must hold for each of them whatever it was told."""
+"""`tapewire` processes, and what must hold for each of them whatever it was told."""
 
 from __future__ import annotations
 
 import json
+import os
 import queue
 import signal
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -14,12 +13,14 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from io import StringIO
 from pathlib import Path
-from typing import IO, Any, Final
+from resource import RLIM_INFINITY
+from typing import Any, Final
 
 import pytest
 
 from tapewire.cli import main
-from tapewire.cli.common import ENDING_SIGNALS
+from tapewire.cli.ending import ENDING_SIGNALS
+from tests.cli.forked import Forked
 
 DEADLINE_S: Final = 30.0
 """Longer than any of these commands takes on a busy machine; nothing is ever measured against it."""
@@ -53,32 +54,36 @@ class Finished:
 class Command:
     """A running `tapewire`. Its outputs are read by threads, so that it never waits for the test."""
 
-    def __init__(self, *words: object, largest_file: int | None = None) -> None:
+    def __init__(self, *words: object, largest_file: int = RLIM_INFINITY) -> None:
         self.words = [str(word) for word in words]
         self.is_json = "--json" in self.words
-        self.process = subprocess.Popen(
-            [*(_limited(largest_file) if largest_file else []), sys.executable, "-m", "tapewire", *self.words],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        (output, write_output), (errors, write_errors) = os.pipe(), os.pipe()
+        with open(os.devnull, "rb") as nothing:
+            streams = (nothing.fileno(), write_output, write_errors)
+            self.process = Forked(self.words, streams, largest_file=largest_file)
+        os.close(write_output)
+        os.close(write_errors)
         self._lines: list[str] = []
         self._arrivals: queue.Queue[JsonObject | None] = queue.Queue()
         self._errors = ""
-        self._readers = [threading.Thread(target=work) for work in (self._read_output, self._read_errors)]
+        self._readers = [
+            threading.Thread(target=self._read_output, args=(output,)),
+            threading.Thread(target=self._read_errors, args=(errors,)),
+        ]
         for reader in self._readers:
             reader.start()
 
-    def _read_output(self) -> None:
-        for line in _piped(self.process.stdout):
-            self._lines.append(line)
-            if self.is_json:
-                self._arrivals.put(json.loads(line))
+    def _read_output(self, pipe: int) -> None:
+        with open(pipe) as output:
+            for line in output:
+                self._lines.append(line)
+                if self.is_json:
+                    self._arrivals.put(json.loads(line))
         self._arrivals.put(None)
 
-    def _read_errors(self) -> None:
-        self._errors = "".join(_piped(self.process.stderr))
+    def _read_errors(self, pipe: int) -> None:
+        with open(pipe) as errors:
+            self._errors = errors.read()
 
     def wait_for(self, name: str, **fields: object) -> JsonObject:
         """The next event called `name` with these fields."""
@@ -105,19 +110,17 @@ class Command:
 
     def finish(self) -> Finished:
         """Wait for its end, and hold it against the rules of every command."""
-        try:
-            status = self.process.wait(DEADLINE_S)
-        except subprocess.TimeoutExpired:
+        status = self.process.wait(DEADLINE_S)
+        if status is None:
             self.kill()
-            raise AssertionError(f"no end of {self}\n{''.join(self._lines)}{self._errors}") from None
+            raise AssertionError(f"no end of {self}\n{''.join(self._lines)}{self._errors}")
         for reader in self._readers:
             reader.join(DEADLINE_S)
         events = [json.loads(line) for line in self._lines] if self.is_json else []
         return check(Finished(status, events, "".join(self._lines), self._errors), self.words)
 
     def kill(self) -> None:
-        self.process.kill()
-        self.process.wait(DEADLINE_S)
+        self.process.kill(DEADLINE_S)
         for reader in self._readers:
             reader.join(DEADLINE_S)
 
@@ -133,17 +136,23 @@ def invoke(*words: object) -> Finished:
 def printed(*words: object) -> Finished:
     """The same of a command that works no line: what it is for goes to stdout."""
     texts = [str(word) for word in words]
-    handlers = {number: signal.getsignal(number) for number in ENDING_SIGNALS}
     output, errors = StringIO(), StringIO()
-    try:
-        with redirect_stdout(output), redirect_stderr(errors), pytest.raises(SystemExit) as ended:
-            main(texts, prog_name="tapewire")
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
+    with own_handlers(), redirect_stdout(output), redirect_stderr(errors), pytest.raises(SystemExit) as ended:
+        main(texts, prog_name="tapewire")
     assert isinstance(ended.value.code, int)
     events = [json.loads(line) for line in output.getvalue().splitlines()] if "--json" in texts else []
     return Finished(ended.value.code, events, output.getvalue(), errors.getvalue())
+
+
+@contextmanager
+def own_handlers() -> Iterator[None]:
+    """What a command makes of its signals ends with it."""
+    handlers = {number: signal.getsignal(number) for number in ENDING_SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
 
 
 def check(finished: Finished, words: list[str]) -> Finished:
@@ -155,16 +164,6 @@ def check(finished: Finished, words: list[str]) -> Finished:
     else:
         assert finished.stdout == ""
     return finished
-
-
-def _limited(largest_file: int) -> list[str]:
-    return ["bash", "-c", f'ulimit -f {largest_file // 1024}; exec "$@"', "bash"]
-
-
-def _piped(pipe: IO[str] | None) -> Iterator[str]:
-    assert pipe is not None
-    with pipe:
-        yield from pipe
 
 
 END_FIELDS: Final = {"outcome", "bytes", "bytes_handed", "sha256", "reason"}
@@ -197,8 +196,8 @@ class Shop:
     folder: Path
     commands: list[Command] = field(default_factory=list)
 
-    def start(self, *words: object, largest_file: int | None = None) -> Command:
-        """`largest_file` is in bytes, a multiple of 1024; what goes beyond it meets an error as on a full disk."""
+    def start(self, *words: object, largest_file: int = RLIM_INFINITY) -> Command:
+        """`largest_file` is in bytes; what goes beyond it meets an error as on a full disk."""
         command = Command(*words, largest_file=largest_file)
         self.commands.append(command)
         return command
@@ -224,7 +223,7 @@ def open_shop(folder: Path) -> Iterator[Shop]:
         yield shop
     finally:
         for command in shop.commands:
-            if command.process.poll() is None:
+            if not command.process.has_ended:
                 command.kill()
 
 

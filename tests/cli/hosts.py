@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -59,15 +59,17 @@ class HostJob:
         return self._result.outcome
 
 
-def sending(file: Path, line: object, protocol: str) -> HostJob:
-    settings = QUICK.get(protocol, {})
+def sending(
+    file: Path, line: object, protocol: str, *, baud: int | None = None, settings: Mapping[str, str] | None = None
+) -> HostJob:
+    words = {**QUICK.get(protocol, {}), **(settings or {})}
     return HostJob(
-        lambda observer: send(file, line=str(line), protocol=protocol, settings=settings, observer=observer)
+        lambda observer: send(file, line=str(line), protocol=protocol, baud=baud, settings=words, observer=observer)
     ).ready()
 
 
-def receiving(file: Path, line: object, protocol: str) -> HostJob:
-    settings = QUICK.get(protocol, {})
+def receiving(file: Path, line: object, protocol: str, *, settings: Mapping[str, str] | None = None) -> HostJob:
+    words = {**QUICK.get(protocol, {}), **(settings or {})}
     return HostJob(
-        lambda observer: receive(file, line=str(line), protocol=protocol, settings=settings, observer=observer)
+        lambda observer: receive(file, line=str(line), protocol=protocol, settings=words, observer=observer)
     ).ready()

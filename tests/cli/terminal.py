@@ -9,15 +9,13 @@ import re
 import select
 import signal
 import struct
-import sys
 import termios
 import time
-import traceback
 from collections.abc import Callable
 from types import TracebackType
 from typing import Final
 
-from tapewire.cli import main
+from tests.cli.forked import Forked
 from tests.cli.helpers import DEADLINE_S
 
 _SEQUENCE: Final = re.compile(r"\x1b\[(\??)([\d;]*)([A-Za-z])|\x1b[()][A-Z0-9]|\x1b[=>]")
@@ -114,12 +112,7 @@ class Terminal:
         self._set_size(columns, lines)
         self.modes_before = termios.tcgetattr(slave)
         self._slave = slave
-        self.status: int | None = None
-        """Its exit status, once it has ended."""
-        self.pid = os.fork()
-        if self.pid == 0:
-            os.close(self.master)
-            _become_tapewire(slave, [str(word) for word in words])
+        self._process = Forked([str(word) for word in words], (slave, slave, slave))
 
     def __enter__(self) -> Terminal:
         return self
@@ -127,18 +120,13 @@ class Terminal:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if not self.has_ended:
-            os.kill(self.pid, signal.SIGKILL)
-            os.waitpid(self.pid, 0)
+        self._process.kill(DEADLINE_S)
         for descriptor in (self.master, self._slave):
             os.close(descriptor)
 
     @property
     def has_ended(self) -> bool:
-        if self.status is None:
-            pid, status = os.waitpid(self.pid, os.WNOHANG)
-            self.status = os.waitstatus_to_exitcode(status) if pid else None
-        return self.status is not None
+        return self._process.has_ended
 
     @property
     def modes(self) -> list[object]:
@@ -156,7 +144,7 @@ class Terminal:
         os.write(self.master, keys.encode())
 
     def send_signal(self, number: signal.Signals) -> None:
-        os.kill(self.pid, number)
+        self._process.send_signal(number)
 
     def read(self, seconds: float = 0.05) -> None:
         """Take in what comes within `seconds`."""
@@ -172,7 +160,7 @@ class Terminal:
         """Until the screen is as `until` wants it; what it shows then."""
         deadline = time.monotonic() + DEADLINE_S
         while not until(self.screen.text):
-            assert not self.has_ended, f"it has ended with {self.status}:\n{self.screen.text}"
+            assert not self.has_ended, f"it has ended with {self._process.status}:\n{self.screen.text}"
             assert time.monotonic() < deadline, f"the screen never came to it:\n{self.screen.text}"
             self.read()
         return self.screen.text
@@ -188,31 +176,6 @@ class Terminal:
             assert time.monotonic() < deadline, f"it does not end:\n{self.screen.text}"
             self.read()
         self.read()
-        assert self.status is not None
+        assert self._process.status is not None
         assert "Traceback" not in self.screen.text
-        return self.status
-
-
-def _become_tapewire(terminal: int, words: list[str]) -> None:
-    """In the child: leave pytest behind, and never come back."""
-    status = 99
-    try:
-        os.setsid()
-        fcntl.ioctl(terminal, termios.TIOCSCTTY, 0)
-        for stream in range(3):
-            os.dup2(terminal, stream)
-        os.closerange(3, 256)
-        os.environ["TERM"] = "xterm-256color"
-        for name in ("COLUMNS", "LINES", "NO_COLOR"):
-            os.environ.pop(name, None)
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        sys.stdin = open(0)  # noqa: SIM115
-        sys.stdout = open(1, "w", buffering=1)  # noqa: SIM115
-        sys.stderr = open(2, "w", buffering=1)  # noqa: SIM115
-        main(words, prog_name="tapewire")
-    except SystemExit as ended:
-        status = ended.code if isinstance(ended.code, int) else 98
-    except BaseException:
-        traceback.print_exc()
-    finally:
-        os._exit(status)
+        return self._process.status

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import os
 import signal
@@ -10,12 +11,14 @@ import threading
 import time
 import tty
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 import pytest
 
-from tests.cli.helpers import DEADLINE_S, Command, Finished, Shop, program
+from tapewire.cli.ending import ignore_signals, interrupt_on_signals, stop_on_signals
+from tests.cli.helpers import DEADLINE_S, Command, Finished, Shop, own_handlers, program
 
 TEXT: Final = program(2000)
 HOST: Final = ("--protocol", "fanuc-b", "--baud", "86400", "--json")
@@ -193,3 +196,21 @@ def test_a_control_whose_host_reads_nothing_any_more(shop: Shop) -> None:
             finished = cnc.finish()
     given_up(finished)
     assert finished.end["bytes"] <= finished.end["bytes_handed"] < len(TEXT)
+
+
+def test_an_interrupt_that_an_import_loses_counts() -> None:
+    """Python drops an exception that is raised in a callback of its own, with a line on stderr at most."""
+
+    async def job() -> bool:
+        stop = asyncio.Event()
+        stop_on_signals(stop)
+        ignore_signals()
+        return stop.is_set()
+
+    with own_handlers():
+        interrupt_on_signals()
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        assert asyncio.run(job())
+        interrupt_on_signals()
+        assert not asyncio.run(job())

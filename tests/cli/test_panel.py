@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import signal
 from pathlib import Path
+from random import Random
 
 import pytest
 
@@ -189,6 +190,79 @@ def test_the_parameters_of_a_control_make_its_line(shop: Shop) -> None:
         assert terminal.end() == 1
 
 
+BAD = "N0000 P00001100\nN0020 P10\nN5000 P00010000\nN5081 P3\nN5082 P1\nN5083 P12\nN5084 P9\n"
+
+
+def test_11_sr807_is_shown_and_the_parameters_are_mended_on_the_panel(shop: Shop) -> None:
+    """Two values at once: 5084 waits for power off and on (10.2), 5083 does not with protocol B and 5000#3 = 0."""
+    parameters, file = shop.file("in-parameters", BAD.encode()), shop.file("in.nc", program(6))
+    with panel(shop.folder, "--parameters", parameters, columns=120, lines=40) as terminal:
+        terminal.wait_for("open", "[N]")
+        for key in "cip":
+            terminal.press(key)
+            terminal.wait_for("SR807  PARAMETER SETTING ERROR", "No. 5084 (RS-232-C: protocol) is 9: 1 to 3")
+            terminal.press("r")
+            terminal.wait_for("MESSAGE")
+        terminal.press("n")
+        terminal.wait_for("PARAMETER 1/1", "5084        9 RS-232-C: protocol", "[ENTER]", "[W]")
+        terminal.press("5084=1\n")
+        terminal.wait_for("No. 5084 takes effect after power off and on", "power off and on, till then 9")
+        terminal.press("c")
+        terminal.wait_for("SR807")
+        terminal.press("rw")
+        terminal.wait_for("5084        1 protocol B", "19200 baud")
+        terminal.press("5083=11\r")
+        terminal.wait_for("No. 5083 takes effect at once", "9600 baud, 8E1", " open")
+        host = sending(file, shop.folder / "control", "fanuc-b", baud=9600, settings={"posting": "off"})
+        terminal.press("nc")
+        terminal.wait_for("dnc complete", "RMT   ****", "PROGRAM")
+        assert host.outcome() is Outcome.COMPLETE
+        terminal.press("q")
+        assert terminal.end() == 0
+
+
+@pytest.mark.parametrize(("columns", "lines"), [(80, 24), (120, 40)])
+def test_10_what_cannot_be_entered_is_told(shop: Shop, columns: int, lines: int) -> None:
+    file = shop.file("in-parameters", BAD.replace("P9", "P1").encode())
+    with panel(shop.folder, "--parameters", file, columns=columns, lines=lines) as terminal:
+        terminal.wait_for("open")
+        terminal.press("n")
+        for typed, told in (
+            ("9999=1", "No. 9999 is no parameter of the remote buffer"),
+            ("5000=2", "No. 5000 is of bit type"),
+            ("0000=00100000", "No. 0000#5 is 1: this bit must always be 0"),
+            ("2010=-1", "is -1: 0 to 32767 is expected"),
+            ("5083=123456789", "No. 5083 takes effect at once"),
+            ("==--==", "NUMBER=VALUE is expected"),
+            ("", "nothing: NUMBER=VALUE is expected"),
+            ("0" * 99, "0: NUMBER=VALUE is expected"),
+            ("508\x7f\x7f\x7f\x7f5083=12", "No. 5083 takes effect at once"),
+        ):
+            terminal.press("r" + typed + "\n")
+            terminal.wait_for(told)
+        while "PARAMETER" in terminal.screen.text:
+            terminal.press("n")
+            terminal.read(0.3)
+        terminal.press("q")
+        assert terminal.end() == 1
+
+
+def test_1_2_parameters_are_punched_from_their_page_and_6_4_stop(shop: Shop) -> None:
+    file = shop.file("in-parameters", BAD.replace("P9", "P1").encode())
+    back = shop.folder / "back.txt"
+    with panel(shop.folder, "--parameters", file) as terminal:
+        terminal.wait_for("open")
+        host = receiving(back, shop.folder / "control", "fanuc-b", settings={"posting": "off"})
+        terminal.press("nbp")
+        terminal.wait_for("punch complete")
+        assert host.outcome() is Outcome.COMPLETE
+        assert back.read_bytes().split(b"\n")[1:3] == [b"N0000 P00001100", b"N0020 P10"]
+        terminal.press("t0022=4\nbbi")
+        terminal.wait_for("No. 0022 is 4: this control has the remote buffer alone")
+        terminal.press("q")
+        assert terminal.end() == 0
+
+
 def test_parameters_stand_in_for_the_protocol_without_a_panel(shop: Shop) -> None:
     wrong = shop.file("in-wrong", b"N5000 P0\nN5082 P1\nN5083 P11\nN5084 P9\n")
     refused = invoke("cnc", "--line", f"pty:{shop.folder}/control", "--parameters", wrong)
@@ -196,6 +270,25 @@ def test_parameters_stand_in_for_the_protocol_without_a_panel(shop: Shop) -> Non
     assert "SR807" in refused.stderr
     missing = invoke("cnc", "--line", f"pty:{shop.folder}/control")
     assert (missing.status, "--protocol is missing" in missing.stderr) == (2, True)
+
+
+def test_whatever_is_pressed_in_whatever_size_it_can_be_left(shop: Shop) -> None:
+    """Keys without sense while a host sends, in terminals that nobody has."""
+    chance = Random(5)
+    parameters, file = shop.file("in-parameters", BAD.replace("P9", "P1").encode()), shop.file("in.nc", LONG)
+    words = ("--parameters", parameters, "--save", shop.folder / "saved", "--capture", shop.folder / "capture.pcapng")
+    with panel(shop.folder, *words) as terminal:
+        terminal.wait_for("open")
+        sending(file, shop.folder / "control", "fanuc-b", settings={"posting": "off"})
+        for size in ((20, 5), (1, 1), (3, 90), (240, 2), (133, 70), (80, 24)):
+            terminal.resize(*size)
+            for _ in range(8):
+                terminal.press("".join(chance.choices("chrsoiptbuwnCHR0123456789=-\n\x7f\t\x04xyz \x1b[A", k=9)))
+                terminal.read(0.02)
+        terminal.wait(lambda text: "[Q]" in text.split("\n")[23])
+        terminal.press("\nq")
+        assert terminal.end() in (0, 1)
+        assert restored(terminal)
 
 
 def test_no_panel_without_a_terminal(tmp_path: Path) -> None:

@@ -28,11 +28,13 @@ def test_a_slow_control_is_never_overrun(shop: Shop) -> None:
     """Each protocol over TCP and over a pseudo terminal."""
     file = shop.file("in.nc", SLOW_THEN_FAST)
     most: dict[str, int] = {}
+    runs = []
     for protocol, line in product(ALLOWED, (LINES[0], LINES[3])):
         saved, link = shop.folder / f"{protocol}-{line.kind}.nc", f"in-line-{protocol}"
         common: list[object] = ["--protocol", protocol, "--baud", "86400"]
         cnc = ["--save", saved, "--blocks-per-second", "280", *common]
-        ends = start(shop, line, host=["send", file, *common], cnc=cnc, link=link)
+        runs.append((protocol, line, saved, start(shop, line, host=["send", file, *common], cnc=cnc, link=link)))
+    for protocol, line, saved, ends in runs:
         sent, taken = finish(*ends)
         identical(sent, taken, SLOW_THEN_FAST)
         assert saved.read_bytes() == SLOW_THEN_FAST

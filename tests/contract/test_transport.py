@@ -279,11 +279,11 @@ def test_paced_reception_tells_the_end_behind_the_last_character(kind: str) -> N
         far.read(clock.now)
         hand_over(far, data, clock.now)
         first = Seen()
-        for _ in clock.looks(0):
+        for later, _ in enumerate(clock.looks(0), start=SECOND):
             first.read(near, clock.now)
             if not near.next_deadline():
                 continue
-            if not far.in_flight(clock.now + SECOND):
+            if not far.in_flight(clock.now + later):
                 break
         far.close(clock.now)
         seen = read_until_closed(near, clock, 100_000)

@@ -13,7 +13,7 @@ from tapewire.nc.reader import NcReader, Reading
 
 
 def read(text: str, **words: Any) -> tuple[NcReader, NDArray[np.float64], NDArray[np.float64]]:
-    reader = NcReader(text.splitlines(), Reading(**{"axes": ("X", "Y", "Z"), "start": (0.0, 0.0, 0.0), **words}))
+    reader = NcReader([text], Reading(**{"axes": ("X", "Y", "Z"), "start": (0.0, 0.0, 0.0), **words}))
     pieces = list(reader.moves())
     ends = np.concatenate([piece.ends for piece in pieces]) if pieces else np.empty((0, 3))
     speeds = np.concatenate([piece.speeds for piece in pieces]) if pieces else np.empty(0)
@@ -46,7 +46,11 @@ def test_numbers_without_a_point_count_increments(text: str, unit: float) -> Non
 
 def test_an_inch_machine_and_a_rotary_axis() -> None:
     _, ends, speeds = read(
-        "G20\nG01X1.C90.F60.\nG21\nX25.4C0", axes=("X", "C"), start=(0.0, 0.0), inch_machine=True, rotary=frozenset("C")
+        "G20\nG01X1.C90.F60.\nG21\nX25.4C0F1524.",
+        axes=("X", "C"),
+        start=(0.0, 0.0),
+        inch_machine=True,
+        rotary=frozenset("C"),
     )
     assert ends == pytest.approx(np.array([[1, 90], [1, 0]]))
     assert speeds[0] == 1
@@ -114,7 +118,8 @@ def test_a_helix_and_other_planes() -> None:
         ("O1\nN5 G05(BINARY)\nG01X1.F100", "line 2: is G05 already"),
         ("G01X1.F100\nG5\nX2.", "line 2: is G05 already"),
         ("G41D1\nG01X1.F100", "line 2: would be binary input operation while cutter compensation is on"),
-        ("M30", "it holds no move"),
+        ("M30", "line 1: 'M30' ends the program before a move"),
+        ("M05", "it holds no move"),
         ("", "it holds no move"),
         ("X" * 5000, "line 1: is longer than 4,096 characters"),
     ],

@@ -23,7 +23,7 @@ from tapewire.g05.layout import (
     UnitTime,
     required_baud,
 )
-from tapewire.g05.records import PIECE_RECORDS, decode, decode_as_they_are, encode, faults, first_exit
+from tapewire.g05.records import PIECE_BYTES, decode, decode_as_they_are, encode, faults, first_exit
 
 VECTORS: Final[dict[str, Any]] = json.loads((Path(__file__).parents[1] / "vectors" / "g05.json").read_text())
 CASES: Final = [(vector, name) for vector in VECTORS["records"] for name in RecordFormat if name in vector]
@@ -118,8 +118,8 @@ def test_decoding_undoes_encoding(layout: Layout, count: int, seed: int) -> None
 def test_every_travel_there_is(name: RecordFormat) -> None:
     layout = Layout(axis_count=1, format=name)
     low, high = layout.travel_limits
-    travel = np.array([[value] for value in range(low, high + 1) if value], np.int16)
-    assert len(travel) > PIECE_RECORDS or name is RecordFormat.SPECIAL
+    travel = np.tile(np.array([[value] for value in range(low, high + 1) if value], np.int16), (3, 1))
+    assert len(travel) * layout.record_bytes > PIECE_BYTES or name is RecordFormat.SPECIAL
     assert (decode(encode(travel, layout), layout).travel == travel).all()
 
 

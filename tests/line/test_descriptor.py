@@ -125,7 +125,7 @@ def test_a_queue_that_empties_between_two_questions_is_still_looked_at_again() -
         far.close()
 
 
-def test_what_was_on_its_way_is_asked_again_though_room_found_the_queue_empty() -> None:
+def test_the_queue_is_asked_once_for_one_moment_and_again_later() -> None:
     near, far = socket.socketpair()
     near.setblocking(False)
     line = _Draining(near.detach(), settings(window=4))
@@ -137,8 +137,11 @@ def test_what_was_on_its_way_is_asked_again_though_room_found_the_queue_empty() 
         line.read(now)
         line.answers[:] = [2]
         assert line.on_its_way(now) == 2
-        assert line.room(now) == 4
-        assert line.next_deadline() is not None
+        assert line.room(now) == 2
+        deadline = line.next_deadline()
+        assert deadline is not None
+        line.read(deadline)
+        assert line.room(deadline) == 4
     finally:
         line.close(now)
         far.close()

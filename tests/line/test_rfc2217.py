@@ -181,3 +181,14 @@ def test_other_words_are_answered_or_ignored() -> None:
     server.hear(sub(COM, b"\x0a\x1e") + sub(COM, b"\x63x") + b"\xff\xf6")
     assert server.take_outgoing() == sub(COM, b"\x6e\x1e") + b"\xff\xf1"
     assert client.hear(sub(COM, b"\xc8x") + sub(99, b"x") + sub(COM, b"")) == []
+
+
+def test_a_client_that_takes_its_offer_for_granted_is_served_all_the_same() -> None:
+    """pyserial never says WILL COM-PORT when our DO comes before it has said so."""
+    server = Server(PortSettings(baud=9600, data_bits=8, parity=1, stopbits=2))
+    server.start()
+    server.drive(SignalsOut())
+    assert not server.is_ready
+    server.hear(sub(44, b"\x01\x00\x00\x25\x80"))
+    assert server.is_ready
+    assert sub(44, b"\x6b\xb0") in server.take_outgoing()

@@ -21,7 +21,8 @@ from tapewire.fanuc.parameters import Interface, ParameterSet
 from tapewire.fanuc.program_memory import FEED_BYTES
 from tapewire.protocols.settings import Switch
 from tapewire.sim.machine import Motion
-from tapewire.sim.nc import Ground, Nc, Operation, nc_of
+from tapewire.sim.nc import Ground, Nc, Operation
+from tapewire.sim.nc_world import WorldNc, nc_of
 from tapewire.sim.program_flow import After, ProgramFlow
 from tapewire.sim.world import World
 
@@ -39,7 +40,7 @@ class Shop:
 
     def __init__(self, parameters: ParameterSet = B, **operator: object) -> None:
         self.world = World()
-        self.nc: Nc = nc_of(self.world, parameters, Interface.RS_422, **operator)  # type: ignore[arg-type]
+        self.nc: WorldNc = nc_of(self.world, parameters, Interface.RS_422, **operator)  # type: ignore[arg-type]
         self.pair = self.nc.pair
 
     def arm(self, tape: bytes = TAPE) -> Shop:
@@ -139,7 +140,7 @@ def test_what_stops_a_program(block: bytes, switch: Switch, after: After, code: 
 @pytest.mark.parametrize("switch", Switch)
 def test_optional_stop(switch: Switch) -> None:
     shop = Shop(blocks_per_second=100)
-    shop.nc.optional_stop = switch
+    shop.nc.turn_optional_stop(switch)
     shop.dnc(b"%\nX1.\nM01\nX2.\nM30\n%")
     if switch is Switch.ON:
         shop.until(Motion.PROGRAM_STOP)
@@ -189,11 +190,13 @@ def test_11_sr807_comes_at_cycle_start_and_nothing_goes_over_the_line(number: in
     shop = Shop()
     shop.nc.parameters.enter(number, 99)
     shop.nc.parameters.power_off_and_on()
-    shop.nc.cycle_start(0)
-    shop.nc.read(0)
-    shop.nc.punch_parameters(0)
-    assert [alarm.number for alarm in shop.nc.alarms] == ["SR807"] * 3
-    assert f"No. {number}" in shop.nc.alarms[0].text
+    for begin in (shop.nc.cycle_start, shop.nc.read, shop.nc.punch_parameters):
+        begin(0)
+        assert [alarm.number for alarm in shop.nc.alarms] == ["SR807"]
+        assert f"No. {number}" in shop.nc.alarms[0].text
+        with pytest.raises(UsageError, match="RESET first"):
+            begin(0)
+        shop.nc.reset(0)
     assert shop.nc.operation is Operation.NONE
     shop.world.run_until_quiet()
     assert shop.pair.cnc_end is None
@@ -201,7 +204,7 @@ def test_11_sr807_comes_at_cycle_start_and_nothing_goes_over_the_line(number: in
 
 def test_11_sr807_without_a_remote_buffer() -> None:
     shop = Shop()
-    nc = Nc(shop.pair, ParameterMemory(ParameterSet({20: 10}), None), None)
+    nc = WorldNc(shop.pair, ParameterMemory(ParameterSet({20: 10}), None), None)
     nc.cycle_start(0)
     assert [alarm.number for alarm in nc.alarms] == ["SR807"]
 
@@ -371,7 +374,7 @@ def test_4_4_2_the_images_are_g152_and_f152() -> None:
     shop.pair.host.set_do(0x3C, 0)  # type: ignore[attr-defined]
     shop.dnc(LONG).end()
     assert shop.nc.f152 == 0x3C
-    with pytest.raises(UsageError, match="that is protocol A"):
+    with pytest.raises(UsageError, match="only protocol A"):
         _ = Shop(B).nc.f152
 
 
@@ -397,7 +400,7 @@ def test_11_sr890_a_wrong_check_byte() -> None:
 
 # -- whatever the operator does ------------------------------------------------------------------------------
 
-KEYS: dict[str, Callable[[Nc, int], object]] = {
+KEYS: dict[str, Callable[[WorldNc, int], object]] = {
     "cycle start": lambda nc, now: nc.cycle_start(now),
     "feed hold": lambda nc, now: nc.feed_hold(now),
     "reset": lambda nc, now: nc.reset(now),
@@ -429,6 +432,7 @@ def test_whatever_the_operator_does_a_reset_brings_the_control_to_rest(
     shop.nc.stop(shop.world.now)
     shop.pair.control.reset(shop.world.now)
     shop.world.run_for(60 * SECOND)
+    shop.nc.reset(shop.world.now)
     assert shop.nc.operation is Operation.NONE
     assert shop.pair.control.idle
     assert shop.pair.cnc.buffered == 0

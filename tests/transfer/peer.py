@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import socket
 import struct
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from tapewire.engine import Nanos
 from tapewire.transfer.api import receive, send
@@ -30,15 +31,15 @@ class Peer:
     """One end of a TCP line. It reads all the time, as a control does."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._writer = writer
+        self._reader, self._writer = reader, writer
         self.got = bytearray()
         self.closed = asyncio.Event()
         self._news = asyncio.Event()
-        self._reading = asyncio.ensure_future(self._read(reader))
+        self._reading = asyncio.ensure_future(self._read())
 
-    async def _read(self, reader: asyncio.StreamReader) -> None:
+    async def _read(self) -> None:
         with suppress(OSError):
-            while data := await reader.read(4096):
+            while data := await self._reader.read(4096):
                 self.got += data
                 self._news.set()
         self.closed.set()
@@ -74,10 +75,15 @@ class Peer:
         self._writer.write_eof()
 
     async def vanish(self) -> None:
-        """Close as a computer that crashes: the connection is reset. What it has not read is lost to it."""
-        connection = self._writer.get_extra_info("socket")
+        """Close as a computer that crashes: the connection is reset. What had come to it counts."""
+        transport = cast(asyncio.Transport, self._writer.transport)
+        transport.pause_reading()
+        connection = transport.get_extra_info("socket")
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-        self._reading.cancel()
+        with suppress(BlockingIOError), socket.socket(fileno=os.dup(connection.fileno())) as same:
+            while data := same.recv(4096):
+                self._reader.feed_data(data)
+        self._reader.feed_eof()
         await self.close()
 
     async def close(self) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import signal
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -11,6 +10,7 @@ from typing import Any, Final
 
 import click
 
+from tapewire.cli.ending import interrupt_on_signals
 from tapewire.cli.output import give_up_unwritable_output, json_end
 from tapewire.errors import LineError, TapewireError, UsageError
 
@@ -53,7 +53,7 @@ class _Tapewire(click.Group):
     def main(self, args: Sequence[str] | None = None, *rest: Any, **extra: Any) -> Any:
         words = list(sys.argv[1:] if args is None else args)
         extra["standalone_mode"] = False
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        interrupt_on_signals()
         try:
             status = super().main(words, *rest, **extra)
         except click.UsageError as error:

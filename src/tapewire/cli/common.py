@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import math
-import os
-import signal
 import sys
-import time
 from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import click
 
+from tapewire.cli.ending import ignore_signals, stop_on_signals
 from tapewire.cli.output import JsonLines, Output, PeopleLines, Presenter
 from tapewire.engine import Notice, Outcome
 from tapewire.errors import UsageError
@@ -22,40 +20,29 @@ from tapewire.line.driver import monotonic
 from tapewire.protocols import PROTOCOLS
 from tapewire.protocols.bridgeport.profile import Profile
 from tapewire.protocols.settings import End
+from tapewire.transfer.reopening import WhenLost
 from tapewire.transfer.reports import Result
 from tapewire.transfer.session import JobSettings
 
 __all__ = [
     "COMPLETE",
-    "ENDING_SIGNALS",
     "INTERRUPTED",
     "NOT_COMPLETE",
     "Number",
     "capture_of",
     "capture_options",
     "caution",
-    "ignore_signals",
     "line_options",
     "line_options_of_one_protocol",
     "parse_words",
     "run_job",
     "settings_of",
-    "stop_on_signals",
+    "when_lost_option",
 ]
 
 COMPLETE: Final = 0
 NOT_COMPLETE: Final = 1
 INTERRUPTED: Final = 130
-
-ENDING_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Whatever a person or the system uses to end a command; one that is ignored (nohup) stays so, but for Ctrl-C, which
-a shell ignores for whatever runs in its background."""
-
-PATIENCE: Final = 3
-"""The third signal of somebody who waits in vain does what it does to any program: it kills."""
-
-PATIENCE_S: Final = 0.5
-"""Signals closer together are one: a closing terminal sends several, and fingers hammer."""
 
 
 class Number(click.FloatRange):
@@ -135,6 +122,18 @@ def line_options_of_one_protocol(command: Command) -> Command:
 def capture_options(command: Command) -> Command:
     """The options of a command that can put a line on record."""
     return _with(command, _CAPTURE)
+
+
+def when_lost_option(command: Command) -> Command:
+    """For a command that may wait for something to begin, for days if need be."""
+    option = click.option(
+        "--when-lost",
+        type=click.Choice([what.value for what in WhenLost]),
+        default=WhenLost.END.value,
+        show_default=True,
+        help="A line that is lost ends the command, or is waited for under its name as long as no job has begun on it.",
+    )
+    return option(command)
 
 
 def _with(command: Command, options: Sequence[Callable[[Command], Command]]) -> Command:
@@ -221,38 +220,3 @@ async def _run(output: Output, job: Callable[[Output, asyncio.Event], Awaitable[
     finally:
         ignore_signals()
     return result, stop.is_set()
-
-
-def stop_on_signals(stop: asyncio.Event) -> None:
-    """Ctrl-C, SIGTERM and a closed terminal set `stop` from now on. Called inside a running loop."""
-    loop = asyncio.get_running_loop()
-    patience = _Patience()
-    for number in ENDING_SIGNALS:
-        if signal.getsignal(number) is not signal.SIG_IGN or number is signal.SIGINT:
-            loop.add_signal_handler(number, stop.set)
-            # The loop goes on hearing the signal by its own wake-up; this counts also while the loop hangs.
-            signal.signal(number, patience.count)
-
-
-class _Patience:
-    """How often somebody has asked for the end."""
-
-    def __init__(self) -> None:
-        self._asked = 0
-        self._last = -PATIENCE_S
-
-    def count(self, number: int, frame: object) -> None:
-        now = time.monotonic()
-        if now - self._last >= PATIENCE_S:
-            self._asked, self._last = self._asked + 1, now
-        if self._asked == PATIENCE:
-            signal.signal(number, signal.SIG_DFL)
-            os.kill(os.getpid(), number)
-
-
-def ignore_signals() -> None:
-    """The job is over: a second Ctrl-C would only break into the command's last words and spoil its exit status."""
-    loop = asyncio.get_running_loop()
-    for number in ENDING_SIGNALS:
-        loop.remove_signal_handler(number)
-        signal.signal(number, signal.SIG_IGN)

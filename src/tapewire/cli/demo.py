@@ -9,8 +9,9 @@ from pathlib import Path
 
 import click
 
-from tapewire.cli.common import COMPLETE, INTERRUPTED, NOT_COMPLETE, Number, stop_on_signals
+from tapewire.cli.common import COMPLETE, INTERRUPTED, NOT_COMPLETE, Number
 from tapewire.cli.demo_view import DemoView
+from tapewire.cli.ending import stop_on_signals
 from tapewire.engine import Nanos, Outcome
 from tapewire.line.capture_file import CaptureSettings
 from tapewire.protocols.settings import End

@@ -15,10 +15,10 @@ from tapewire.cli.common import (
     NOT_COMPLETE,
     capture_of,
     capture_options,
-    ignore_signals,
     parse_words,
-    stop_on_signals,
+    when_lost_option,
 )
+from tapewire.cli.ending import ignore_signals, stop_on_signals
 from tapewire.cli.output import JsonLines, Output, PeopleLines, Presenter, Shown
 from tapewire.engine import Outcome
 from tapewire.errors import UsageError
@@ -33,6 +33,7 @@ from tapewire.transfer.decoding.recognise import Asked
 from tapewire.transfer.decoding.text import entry_fields, entry_line, unix_time
 from tapewire.transfer.monitoring import MonitorSettings
 from tapewire.transfer.monitoring import monitor as watch
+from tapewire.transfer.reopening import WhenLost
 from tapewire.transfer.reports import Result
 
 __all__ = ["monitor"]
@@ -67,6 +68,7 @@ __all__ = ["monitor"]
     show_default=True,
     help="A character that arrives damaged closes both lines, or is left out.",
 )
+@when_lost_option
 @capture_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a line on stdout.")
 def monitor(
@@ -77,6 +79,7 @@ def monitor(
     words: tuple[str, ...],
     hears: str,
     damaged: str,
+    when_lost: str,
     capture: Path | None,
     capture_size: int,
     as_json: bool,
@@ -95,6 +98,7 @@ def monitor(
         asked=asked,
         damaged=Damaged(damaged),
         hears=Side(hears),
+        when_lost=WhenLost(when_lost),
         capture=capture_of(capture, capture_size),
     )
     output = Output(*_presenters(as_json))

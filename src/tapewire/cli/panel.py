@@ -14,9 +14,11 @@ import click
 from rich.console import Console, RenderableType
 from rich.live import Live
 
-from tapewire.cli.common import COMPLETE, INTERRUPTED, NOT_COMPLETE, ignore_signals, stop_on_signals
+from tapewire.cli.common import COMPLETE, INTERRUPTED, NOT_COMPLETE
+from tapewire.cli.ending import ignore_signals, stop_on_signals
 from tapewire.cli.panel_keys import keys_of
-from tapewire.cli.panel_view import HEIGHT, WIDTH, Leds, PanelState, SoftKey, picture
+from tapewire.cli.panel_page import ParameterPage
+from tapewire.cli.panel_view import HEIGHT, WIDTH, Leds, Page, PanelState, SoftKey, page_room, picture
 from tapewire.codes import TABLES, DataCode
 from tapewire.engine import SignalsIn
 from tapewire.errors import UsageError
@@ -26,7 +28,7 @@ from tapewire.fanuc.parameters import ParameterSet
 from tapewire.line.driver import monotonic
 from tapewire.protocols.settings import Switch
 from tapewire.sim.machine import Motion
-from tapewire.transfer.control import Operation
+from tapewire.sim.nc import Ground, Operation
 from tapewire.transfer.operated import OperatedControl, Plug
 from tapewire.transfer.session import ABORT_LIMIT_S
 
@@ -68,13 +70,18 @@ async def _run(make: Callable[[asyncio.Event], OperatedControl]) -> tuple[int, s
     stop, quitting = asyncio.Event(), asyncio.Event()
     control = make(stop)
     console = Console(highlight=False)
-    screen = _Screen(console, control)
+    page = ParameterPage(control)
+    screen = _Screen(console, control, page)
+
+    def on_key(key: str) -> None:
+        press(key, control, page, page_room(*console.size), quitting)
+
     stop_on_signals(stop)
     working = asyncio.ensure_future(control.run())
     waits = [asyncio.ensure_future(stop.wait()), asyncio.ensure_future(quitting.wait())]
     complete = False
     try:
-        with keys_of(sys.stdin.fileno(), lambda key: press(key, control, quitting), stop.set):
+        with keys_of(sys.stdin.fileno(), on_key, stop.set):
             drawing = asyncio.ensure_future(screen.draw())
             try:
                 await asyncio.wait([working, drawing, *waits], return_when=asyncio.FIRST_COMPLETED)
@@ -94,48 +101,51 @@ async def _run(make: Callable[[asyncio.Event], OperatedControl]) -> tuple[int, s
     if not drawing.cancelled() and drawing.exception() is not None:
         return NOT_COMPLETE, "the terminal cannot be written any more"
     last = control.last
-    told = f"{control.selected}: {last.outcome}, {last.reason}" if last is not None else "nothing was transferred"
+    told = (
+        f"{control.nc.selected.name.lower()}: {last.outcome}, {last.reason}"
+        if last is not None
+        else "nothing was transferred"
+    )
     return INTERRUPTED if stop.is_set() else COMPLETE if complete else NOT_COMPLETE, told
 
 
-def press(key: str, control: OperatedControl, quitting: asyncio.Event) -> None:
-    """One key of the panel; others do nothing."""
+def press(key: str, control: OperatedControl, page: ParameterPage, room: int, quitting: asyncio.Event) -> None:
+    """One key of the panel; others do nothing. `room` is how many parameters a page has."""
+    if page.key(key, room):
+        return
     now = monotonic()
-    match key.lower():
-        case "c":
-            control.cycle_start(now)
-        case "h":
-            control.feed_hold(now)
-        case "r":
-            control.reset(now)
-        case "s":
-            control.turn_single_block()
-        case "o":
-            control.turn_optional_stop()
-        case "i":
-            control.read(now)
-        case "p":
-            control.punch(now)
-        case "u":
-            control.turn_plug(now)
-        case "q":
-            quitting.set()
-        case _:
-            pass
+    acts: dict[str, Callable[[], object]] = {
+        "c": lambda: control.cycle_start(now),
+        "h": lambda: control.feed_hold(now),
+        "r": lambda: control.reset(now),
+        "s": control.turn_single_block,
+        "o": control.turn_optional_stop,
+        "i": lambda: control.read(now),
+        "p": lambda: control.punch_parameters(now) if page.number else control.punch(now),
+        "t": lambda: control.stop(now),
+        "b": control.turn_ground,
+        "u": lambda: control.turn_plug(now),
+        "w": lambda: control.power_off_and_on(now),
+        "n": lambda: page.turn(room),
+        "q": quitting.set,
+    }
+    acts.get(key.lower(), lambda: None)()
 
 
 class _Screen:
     """Draws the state again and again. A terminal that takes nothing for a while does not stop the line."""
 
-    def __init__(self, console: Console, control: OperatedControl) -> None:
+    def __init__(self, console: Console, control: OperatedControl, page: ParameterPage) -> None:
         self._console = console
         self._control = control
+        self._page = page
 
     async def draw(self) -> None:
         """Until it is cancelled. Raises OSError when the terminal is gone."""
         with Live(console=self._console, screen=True, auto_refresh=False) as live:
             while True:
-                state = state_of(self._control, time.strftime("%H:%M:%S"))
+                page = self._page.shown(page_room(*self._console.size))
+                state = state_of(self._control, time.strftime("%H:%M:%S"), page)
                 showing = asyncio.ensure_future(asyncio.to_thread(self._show, live, state))
                 try:
                     await asyncio.shield(showing)
@@ -152,7 +162,7 @@ class _Screen:
         return picture(state, *self._console.size)
 
 
-def state_of(control: OperatedControl, clock: str) -> PanelState:
+def state_of(control: OperatedControl, clock: str, page: Page | None = None) -> PanelState:
     """What the panel shows of `control`."""
     tape = control.tape
     machine = control.control
@@ -163,14 +173,15 @@ def state_of(control: OperatedControl, clock: str) -> PanelState:
     return PanelState(
         title=f"SIMULATED CONTROL   {control.job.protocol.title}",
         clock=clock,
-        mode="RMT" if control.selected is Operation.DNC else "EDIT",
+        mode="EDIT" if control.nc.selected in _TRANSFERS else "RMT",
         run=control.state,
         moving=machine.moving and machine.motion is Motion.RUNNING,
-        transfer=_TRANSFERS.get(control.operation, "") if control.operation is not None else "",
+        transfer=_TRANSFERS.get(control.operation, ""),
         stands=control.stands,
         blocks=tuple(_text_of(block.data, control.code) for block in blocks),
         current=tape.index_at(position) if running else None,
         program=f"{control.cnc.progress:,} bytes, {machine.blocks_executed:,} blocks" if control.cnc.progress else "",
+        page=page,
         buffered=control.cnc.buffered,
         capacity=BUFFER_BYTES if board is not None else control.job.params.buffer,
         pointers="" if board is None else _pointers(control),
@@ -179,7 +190,7 @@ def state_of(control: OperatedControl, clock: str) -> PanelState:
         line=_line_of(control),
         alarms=tuple(f"{alarm.number}  {alarm.text}".strip() for alarm in control.alarms),
         messages=tuple(control.messages),
-        keys=_keys_of(control),
+        keys=_keys_of(control, page),
     )
 
 
@@ -210,7 +221,8 @@ def _pointers(control: OperatedControl) -> str:
 
 
 def _line_of(control: OperatedControl) -> tuple[tuple[str, str], ...]:
-    job, link, parameters = control.job, control.link, control.task.parameters
+    job, link = control.job, control.link
+    parameters = None if control.parameters is None else control.parameters.in_force
     is_open = link is not None and not link.closed
     plug = "UNPLUGGED" if control.plug is Plug.OUT else "open" if is_open else "waiting for a host"
     rows = [
@@ -219,6 +231,8 @@ def _line_of(control: OperatedControl) -> tuple[tuple[str, str], ...]:
         ("rate", f"{job.baud} baud, {job.origin.framing}"),
         ("sees", _signals(link.signals_in if link is not None and is_open else None)),
     ]
+    if control.nc.has_images:
+        rows.append(("PMC", f"G152 {control.nc.g152:02X}h  F152 {control.nc.f152:02X}h"))
     name, told = ("set", _settings_of(job.params)) if parameters is None else ("No.", _numbers_of(parameters))
     together = 2 if parameters is None else 3
     for at in range(0, len(told), together):
@@ -242,17 +256,30 @@ def _signals(signals: SignalsIn | None) -> str:
     return "  ".join(f"{name} {'ON' if on else 'OFF'}" for name, on in named)
 
 
-def _keys_of(control: OperatedControl) -> tuple[SoftKey, ...]:
-    punches = (SoftKey(key="P", label="PUNCH"),) if control.job.protocol.punches_out else ()
+def _keys_of(control: OperatedControl, page: Page | None) -> tuple[SoftKey, ...]:
+    nc, punches = control.nc, control.job.protocol.punches_out
     unplugged = control.plug is Plug.OUT
-    return (
+    always = (
         SoftKey(key="C", label="CYCLE"),
         SoftKey(key="H", label="HOLD", lit=control.control.motion is Motion.HELD),
         SoftKey(key="R", label="RESET", lit=bool(control.alarms)),
-        SoftKey(key="S", label="SBK", lit=control.single_block is Switch.ON),
-        SoftKey(key="O", label="OSP", lit=control.optional_stop is Switch.ON),
+    )
+    switches = (
+        SoftKey(key="S", label="SBK", lit=nc.single_block is Switch.ON),
+        SoftKey(key="O", label="OSP", lit=nc.optional_stop is Switch.ON),
         SoftKey(key="I", label="READ"),
-        *punches,
-        SoftKey(key="U", label="PLUG" if unplugged else "UNPLUG", lit=unplugged),
+    )
+    entry = (SoftKey(key="0-9", label="TYPE"), SoftKey(key="ENTER", label="INPUT"))
+    background = (SoftKey(key="B", label="BG", lit=control.ground is Ground.BACKGROUND),)
+    waiting = control.parameters is not None and bool(control.parameters.waiting)
+    return (
+        *always,
+        *(switches if page is None else entry),
+        *((SoftKey(key="P", label="PUNCH"),) if punches else ()),
+        SoftKey(key="T", label="STOP"),
+        *(background if control.board is not None else ()),
+        *((SoftKey(key="U", label="PLUG" if unplugged else "UNPLUG", lit=unplugged),) if page is None else ()),
+        *((SoftKey(key="W", label="POWER", lit=waiting),) if page is not None else ()),
+        *((SoftKey(key="N", label="PARAM" if page is None else "NEXT"),) if control.parameters is not None else ()),
         SoftKey(key="Q", label="QUIT"),
     )

@@ -6,6 +6,7 @@ What came over a line is shown as printable ASCII and nothing else: no sequence 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import Final
 
 from rich import box
@@ -18,7 +19,19 @@ from rich.text import Text
 
 from tapewire.fanuc.leds import Led, Red
 
-__all__ = ["HEIGHT", "WIDTH", "Leds", "PanelState", "SoftKey", "picture", "printable"]
+__all__ = [
+    "HEIGHT",
+    "WIDTH",
+    "Leds",
+    "Mark",
+    "Page",
+    "PanelState",
+    "Row",
+    "SoftKey",
+    "page_room",
+    "picture",
+    "printable",
+]
 
 WIDTH: Final = 80
 HEIGHT: Final = 24
@@ -51,6 +64,31 @@ class SoftKey:
     lit: bool = False
 
 
+class Mark(Enum):
+    """How a row of a page stands out."""
+
+    PLAIN = ""
+    WAITING = "yellow"
+    WRONG = "bold red"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One row of a page."""
+
+    text: str
+    mark: Mark = Mark.PLAIN
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page:
+    """What stands in place of the program, and what is being typed below it."""
+
+    title: str
+    rows: tuple[Row, ...]
+    entry: str = ""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PanelState:
     """Everything the panel shows. Texts may hold anything: the picture shows what is printable."""
@@ -69,6 +107,8 @@ class PanelState:
     """Which of the blocks is under execution, or is the next one."""
     program: str = ""
     """What the window of the program says of itself."""
+    page: Page | None = None
+    """In place of the program."""
     buffered: int = 0
     capacity: int = 1
     pointers: str = ""
@@ -90,9 +130,8 @@ def picture(state: PanelState, width: int, height: int) -> RenderableType:
     if width < WIDTH or height < HEIGHT:
         text = f"{width}x{height} is too small: {WIDTH}x{HEIGHT} at least. The control goes on."
         return Align.center(Text(text[: max(width, 0)], "bold"), vertical="middle")
-    is_large = width >= LARGE_WIDTH and height >= LARGE_HEIGHT
-    alarm_lines = 8 if is_large else 3
-    body_height = height - (alarm_lines + 2) - 4
+    is_large = _is_large(width, height)
+    alarm_lines, body_height = _heights(width, height)
     buffer_lines = 5 if state.leds is None else 7
     screen = Layout()
     screen.split_column(
@@ -103,7 +142,7 @@ def picture(state: PanelState, width: int, height: int) -> RenderableType:
         Layout(_soft_keys(state, width), size=2),
     )
     screen["body"].split_row(
-        Layout(_program(state, body_height - 2), ratio=1),
+        Layout(_program(state, body_height - 2) if state.page is None else _page(state.page), ratio=1),
         Layout(name="side", size=LARGE_SIDE_WIDTH if is_large else SIDE_WIDTH),
     )
     screen["side"].split_column(
@@ -111,6 +150,21 @@ def picture(state: PanelState, width: int, height: int) -> RenderableType:
         Layout(_line(state)),
     )
     return screen
+
+
+def page_room(width: int, height: int) -> int:
+    """Rows of a page on a screen of this size, beside the one that is typed in."""
+    return max(_heights(width, height)[1] - 3, 1)
+
+
+def _is_large(width: int, height: int) -> bool:
+    return width >= LARGE_WIDTH and height >= LARGE_HEIGHT
+
+
+def _heights(width: int, height: int) -> tuple[int, int]:
+    """Lines of alarms and messages, and of the body with its frame."""
+    alarm_lines = 8 if _is_large(width, height) else 3
+    return alarm_lines, height - (alarm_lines + 2) - 4
 
 
 def _framed(content: RenderableType, title: str, style: str = _FRAME) -> Panel:
@@ -139,6 +193,12 @@ def _program(state: PanelState, lines: int) -> Panel:
     if not rows:
         rows = [_row("CYCLE START asks the host for one", "dim")]
     return _framed(Group(*rows), f"PROGRAM {printable(state.program)}".rstrip())
+
+
+def _page(page: Page) -> Panel:
+    rows = [_row(row.text, row.mark.value) for row in page.rows]
+    entry = Text("> ", "bold cyan", no_wrap=True) + Text(printable(page.entry) + "_", "bold")
+    return _framed(Group(entry, *rows), page.title)
 
 
 def _buffer(state: PanelState, width: int) -> Panel:

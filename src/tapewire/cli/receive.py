@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 
 import click
 
-from tapewire.cli.common import capture_of, caution, line_options, run_job, settings_of
+from tapewire.cli.common import capture_of, caution, line_options, run_job, settings_of, when_lost_option
 from tapewire.cli.output import Output
 from tapewire.errors import UsageError
 from tapewire.protocols.settings import End
 from tapewire.transfer.folder import ProgramFolder
 from tapewire.transfer.numbered import numbered_host
 from tapewire.transfer.receiving import receive_by_number, receive_program
+from tapewire.transfer.reopening import WhenLost
 from tapewire.transfer.reports import Result
 from tapewire.transfer.session import JobSettings, settings_for
 
@@ -29,6 +31,7 @@ __all__ = ["receive"]
     metavar="DIR",
     help="bridgeport, instead of FILE: store it here by the number the control sends it under.",
 )
+@when_lost_option
 @click.option("--raw", is_flag=True, help="Store the bytes as they came.")
 @click.option("--force", is_flag=True, help="Replace a file that exists.")
 def receive(
@@ -44,6 +47,7 @@ def receive(
     capture_size: int,
     as_json: bool,
     program_dir: Path | None,
+    when_lost: str,
     raw: bool,
     force: bool,
 ) -> int:
@@ -59,6 +63,7 @@ def receive(
         timeout_s=timeout,
         capture=capture_of(capture, capture_size),
     )
+    job = replace(job, when_lost=WhenLost(when_lost))
     if program_dir is not None:
         return _by_number(file, program_dir, job, profile, as_json, raw, force)
     if file is None:

@@ -15,13 +15,22 @@ from typing import Final
 from tapewire.errors import UsageError
 from tapewire.fanuc.parameters import CATALOGUE, ParameterSet
 
-__all__ = ["LONGEST_FILE_BYTES", "ParameterFile", "read_parameters", "write_punch", "write_toml"]
+__all__ = [
+    "LONGEST_FILE_BYTES",
+    "ParameterFile",
+    "read_parameters",
+    "value_of",
+    "word_of",
+    "write_punch",
+    "write_toml",
+]
 
 LONGEST_FILE_BYTES: Final = 8 << 20
 """The largest control has some ten thousand parameters for each of 24 axes; a file beyond this is none of them."""
 
 _BLOCK: Final = re.compile(r"N(?P<number>\d{1,6})(?P<rest>[^N]*)\Z", re.I)
-_VALUE: Final = re.compile(r"P(?P<value>[+-]?\d{1,10})\Z", re.I)
+_VALUE: Final = re.compile(r"P(?P<value>[+-]?\d{1,40})\Z", re.I)
+_TORN: Final = re.compile(r"\d[ \t]+\d")
 _COMMENT: Final = re.compile(r"\([^()\n]*\)")
 _BITS: Final = re.compile(r"[01]{1,8}\Z")
 _NO_PARAMETER: Final = re.compile(r"(%.*|[O:]\d+.*|G10.*|G11|M\d+|)\Z", re.I)
@@ -65,9 +74,14 @@ def _read_punch(text: str) -> ParameterFile:
 
 
 def _blocks(text: str) -> Iterator[tuple[str, str]]:
-    """Every block without blanks, and which line it is on. On one line `;` ends a block too."""
+    """Every block without blanks, and which line it is on. On one line `;` ends a block too.
+
+    Digits with a blank between them are two words, of which one lost its letter: `N5074 3` is not No. 50743.
+    """
     for line_number, line in enumerate(text.splitlines(), start=1):
         for part in line.split(";"):
+            if torn := _TORN.search(part):
+                raise UsageError(f"line {line_number}: {torn[0]!r}: a letter is missing before the second number")
             block = "".join(character for character in part if not character.isspace() and character != "\x00")
             yield f"line {line_number}", block
 
@@ -82,12 +96,20 @@ def _punched_value(where: str, number: int, rest: str) -> int:
     return _value(where, number, found["value"])
 
 
-def _value(where: str, number: int, word: str) -> int:
+def value_of(number: int, word: str) -> int:
+    """The value of `word` as it is punched or typed, digits with a sign. Raises UsageError for what is no bits."""
     if not CATALOGUE[number].is_bits:
         return int(word)
     if not _BITS.match(word):
-        raise UsageError(f"{where}: No. {number:04d} is of bit type: eight digits 0 or 1 are expected, not {word}")
+        raise UsageError(f"No. {number:04d} is of bit type: eight digits 0 or 1 are expected, not {word}")
     return int(word, 2)
+
+
+def _value(where: str, number: int, word: str) -> int:
+    try:
+        return value_of(number, word)
+    except UsageError as error:
+        raise UsageError(f"{where}: {error}") from None
 
 
 def _put(values: dict[int, int], number: int, value: int, where: str) -> None:
@@ -99,8 +121,11 @@ def _put(values: dict[int, int], number: int, value: int, where: str) -> None:
 def _read_toml(text: str) -> ParameterFile:
     try:
         document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise UsageError(f"the parameter file is no TOML: {error}") from None
+    except RecursionError:
+        raise UsageError("the parameter file is no TOML: brackets within brackets without end") from None
+    except ValueError as error:
+        # A number of thousands of digits is an error of Python's own, and no TOMLDecodeError.
+        raise UsageError(f"the parameter file is no TOML: {str(error).partition(';')[0]}") from None
     table = document.get("parameters", document)
     if not isinstance(table, dict):
         raise UsageError("`parameters` must be a table, as in [parameters]")
@@ -147,7 +172,7 @@ def _named_bits(key: str, number: int, names: Mapping[object, object]) -> int:
 
 def write_punch(parameters: ParameterSet) -> str:
     """As a control punches them: between `%`, one block a line."""
-    blocks = [f"N{number:04d} P{_word(number, value)}" for number, value in sorted(parameters.values.items())]
+    blocks = [f"N{number:04d} P{word_of(number, value)}" for number, value in sorted(parameters.values.items())]
     return "\n".join(("%", *blocks, "%")) + "\n"
 
 
@@ -156,11 +181,12 @@ def write_toml(parameters: ParameterSet) -> str:
     lines = ["[parameters]"]
     for number, value in sorted(parameters.values.items()):
         record = CATALOGUE[number]
-        word = f'"{_word(number, value)}"' if record.is_bits else str(value)
+        word = f'"{word_of(number, value)}"' if record.is_bits else str(value)
         meaning = record.values.get(value)
         lines.append(f"{number:04d} = {word}  # {record.title}{f': {meaning}' if meaning else ''}")
     return "\n".join(lines) + "\n"
 
 
-def _word(number: int, value: int) -> str:
+def word_of(number: int, value: int) -> str:
+    """As it is punched: bits as eight digits."""
     return f"{value:08b}" if CATALOGUE[number].is_bits else str(value)

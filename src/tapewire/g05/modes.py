@@ -43,6 +43,11 @@ FORBIDDEN: Final = (
     _mode("spindle speed fluctuation detection", "G26", "G25"),
 )
 
+_WITHOUT_EFFECT: Final = frozenset(
+    ("interrupt macro", "constant surface speed control", "spindle speed fluctuation detection")
+)
+"""Modes in which the axes go where the blocks say."""
+
 _COMMENT: Final = re.compile(rb"\([^()\n]*\)?")
 _WORD: Final = re.compile(rb"([A-Z])([+-]?[0-9]*\.?[0-9]*)")
 _ZERO: Final = re.compile(rb"[+-]?0*\.?0*")
@@ -58,6 +63,11 @@ class ModalWatch:
     def forbidden(self) -> tuple[str, ...]:
         """Names of the modes that are on, in the manual's order."""
         return tuple(mode.name for mode in FORBIDDEN if self._on.get(mode.name))
+
+    @property
+    def displacing(self) -> frozenset[str]:
+        """Of those, the modes in which the axes do not go where the blocks say."""
+        return frozenset(self.forbidden) - _WITHOUT_EFFECT
 
     def feed(self, block: bytes) -> None:
         """One block of ASCII text, or many lines of it."""

@@ -17,6 +17,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tapewire.errors import ProgramError, UsageError
+from tapewire.g05.columns import (
+    Columns,
+    Words,
+    all_move,
+    columns,
+    copy,
+    fields,
+    moving,
+    pack,
+    pack_auxiliary,
+    sum_of_bytes,
+    unpack,
+    unpack_auxiliary,
+)
 from tapewire.g05.layout import SIGNIFICANT, Layout, RecordFormat
 
 __all__ = [
@@ -34,13 +48,9 @@ __all__ = [
 Travel: TypeAlias = NDArray[np.int16]
 Auxiliary: TypeAlias = NDArray[np.uint32]
 Bytes: TypeAlias = NDArray[np.uint8]
-_Words: TypeAlias = NDArray[np.uint16]
 
-PIECE_RECORDS: Final = 1 << 15
-"""The few arrays of a piece fit into a second-level cache; a call of numpy is small against it."""
-
-_EIGHT: Final = np.uint16(8)
-_SEVEN_BITS: Final = (0x7F, 0x7F << 7, 0x7F << 14, 0x3F << 21)
+PIECE_BYTES: Final = 1 << 19
+"""Of records. The few arrays of a piece fit into a second-level cache; a call of numpy is small against it."""
 
 NO_MOTION: Final = (
     "no travel and no auxiliary function: the control would leave binary input operation here. A unit of time "
@@ -69,14 +79,31 @@ def encode(
     """
     _expect_shapes(travel, layout, auxiliary)
     out = np.empty(len(travel) * layout.record_bytes, np.uint8)
-    view = out.view(_record_dtype(layout))
-    for start in range(0, len(travel), PIECE_RECORDS):
-        piece = slice(start, start + PIECE_RECORDS)
-        words = _checked_columns(travel[piece], layout, first_record + start)
-        extra = None if auxiliary is None else _checked_auxiliary(auxiliary[piece], layout, first_record + start)
-        _refuse_no_motion(words, extra, first_record + start)
-        _pack(view[piece], words, extra, layout)
+    desk = _Desk(len(travel), layout)
+    for piece in desk.pieces():
+        first = first_record + piece.start
+        numbers = _as_words(travel[piece], layout, first)
+        extra = None if auxiliary is None else _checked_auxiliary(auxiliary[piece], layout, first)
+        words, spare = desk.words(len(numbers))
+        made = columns(words, layout.axis_count)
+        copy(fields(numbers.reshape(-1).view(np.uint8), layout.axis_count, 2 * layout.axis_count), made)
+        if not _in_range(words.view("<i2"), layout):
+            raise _out_of_range(numbers, layout, first)
+        pack(words, spare, layout.format)
+        _refuse_no_motion(made, extra, first)
+        _put(out[piece.start * layout.record_bytes : piece.stop * layout.record_bytes], made, extra, layout)
     return out
+
+
+def _put(out: Bytes, made: Columns, auxiliary: Auxiliary | None, layout: Layout) -> None:
+    """Records from their columns."""
+    size = layout.record_bytes
+    copy(made, fields(out, layout.axis_count, size))
+    if auxiliary is not None:
+        packed = pack_auxiliary(auxiliary, layout.format)
+        np.copyto(_auxiliary_field(out, layout), packed)
+        made = [*made, packed[None]]
+    out[size - 1 :: size] = sum_of_bytes(made)
 
 
 def decode(data: bytes | bytearray | memoryview | Bytes, layout: Layout, *, first_record: int = 1) -> Records:
@@ -85,79 +112,124 @@ def decode(data: bytes | bytearray | memoryview | Bytes, layout: Layout, *, firs
     Raises ProgramError at the first record with a wrong check byte, with a bit that the format keeps 0, or that
     would end the section, and for a number of bytes that is not whole records.
     """
-    view = _view(data, layout)
-    travel = np.empty((len(view), layout.axis_count), np.int16)
-    auxiliary = np.empty(len(view), np.uint32) if layout.uses_auxiliary else None
-    for start in range(0, len(view), PIECE_RECORDS):
-        piece = slice(start, start + PIECE_RECORDS)
-        raw = _raw(view[piece], layout)
-        wrong = raw.wrong(layout)
-        if wrong.any():
-            index = start + int(np.argmax(wrong))
-            raise ProgramError(f"record {first_record + index:,}: {_what_is_wrong(view[index].tobytes(), layout)}")
-        for axis in range(layout.axis_count):
-            travel[piece, axis] = _unpacked(raw.words[axis], layout)
-        extra = None
-        if auxiliary is not None:
-            extra = auxiliary[piece] = _unpacked_auxiliary(raw.auxiliary, layout)
-        _refuse_no_motion(raw.words, extra, first_record + start)
-    return Records(travel=travel, auxiliary=auxiliary)
+    return _decoded(data, layout, first_record)
 
 
 def decode_as_they_are(data: bytes | bytearray | memoryview | Bytes, layout: Layout) -> Records:
     """As `decode`, whatever is wrong with the records: what a reader makes of them who looks at no check byte."""
-    raw = _raw(_view(data, layout), layout)
-    travel = np.ascontiguousarray(_unpacked(raw.words, layout).T)
-    return Records(
-        travel=travel, auxiliary=_unpacked_auxiliary(raw.auxiliary, layout) if layout.uses_auxiliary else None
-    )
+    return _decoded(data, layout, None)
+
+
+def _decoded(data: bytes | bytearray | memoryview | Bytes, layout: Layout, first_record: int | None) -> Records:
+    """`first_record` None: nothing is checked."""
+    flat = _whole(data, layout)
+    size, axes = layout.record_bytes, layout.axis_count
+    travel = np.empty((len(flat) // size, axes), np.int16)
+    auxiliary = np.empty(len(travel), np.uint32) if layout.uses_auxiliary else None
+    desk = _Desk(len(travel), layout)
+    for piece in desk.pieces():
+        raw = desk.raw(flat[piece.start * size : piece.stop * size])
+        if first_record is not None:
+            raw.refuse_wrong(first_record + piece.start)
+        if auxiliary is not None:
+            auxiliary[piece] = unpack_auxiliary(raw.auxiliary, layout.format)
+        if first_record is not None:
+            _refuse_no_motion(raw.columns, None if auxiliary is None else auxiliary[piece], first_record + piece.start)
+        unpack(raw.words, raw.spare, layout.format)
+        copy(raw.columns, fields(travel[piece].reshape(-1).view(np.uint8), axes, 2 * axes))
+    return Records(travel=travel, auxiliary=auxiliary)
 
 
 def faults(data: bytes | bytearray | memoryview | Bytes, layout: Layout) -> Iterator[tuple[int, str]]:
     """(index from 0, what is wrong) of every record with a wrong check byte or a bit that must be 0."""
-    view = _view(data, layout)
-    for start in range(0, len(view), PIECE_RECORDS):
-        records = view[start : start + PIECE_RECORDS]
-        for index in np.flatnonzero(_raw(records, layout).wrong(layout)):
-            yield start + int(index), _what_is_wrong(records[index].tobytes(), layout)
+    flat, size = _whole(data, layout), layout.record_bytes
+    desk = _Desk(len(flat) // size, layout)
+    for piece in desk.pieces():
+        raw = desk.raw(flat[piece.start * size : piece.stop * size])
+        for index in np.flatnonzero(raw.wrong()):
+            yield piece.start + int(index), _what_is_wrong(raw.record(int(index)), layout)
 
 
 def first_exit(data: bytes | bytearray | memoryview | Bytes, layout: Layout) -> int | None:
     """The index of the first record whose travel and auxiliary function are all 0, whatever its check byte."""
-    view = _view(data, layout)
-    for start in range(0, len(view), PIECE_RECORDS):
-        raw = _raw(view[start : start + PIECE_RECORDS], layout)
-        zero = np.flatnonzero((np.bitwise_or.reduce(raw.words, axis=0) == 0) & (raw.auxiliary == 0))
-        if len(zero):
-            return start + int(zero[0])
+    flat, size = _whole(data, layout), layout.record_bytes
+    desk = _Desk(len(flat) // size, layout)
+    for piece in desk.pieces():
+        raw = desk.raw(flat[piece.start * size : piece.stop * size])
+        some = moving(raw.columns)
+        if layout.uses_auxiliary:
+            some |= raw.auxiliary != 0
+        if not some.all():
+            return int(piece.start) + int(np.argmin(some))
     return None
+
+
+class _Desk:
+    """Room to work on one piece of records after the other."""
+
+    def __init__(self, count: int, layout: Layout) -> None:
+        self._count, self._layout = count, layout
+        self._at_a_time = min(max(PIECE_BYTES // layout.record_bytes, 1), max(count, 1))
+        self._words = np.empty((2, self._at_a_time * layout.axis_count), "<u2")
+
+    def pieces(self) -> Iterator[slice]:
+        for start in range(0, self._count, self._at_a_time):
+            yield slice(start, min(start + self._at_a_time, self._count))
+
+    def words(self, count: int) -> tuple[Words, Words]:
+        """For `count` records; what they held is lost."""
+        both = self._words[:, : count * self._layout.axis_count]
+        return both[0], both[1]
+
+    def raw(self, data: Bytes) -> _Raw:
+        layout = self._layout
+        words, spare = self.words(len(data) // layout.record_bytes)
+        made = columns(words, layout.axis_count)
+        copy(fields(data, layout.axis_count, layout.record_bytes), made)
+        packed = _auxiliary_field(data, layout).copy() if layout.uses_auxiliary else np.zeros(0, np.uint32)
+        return _Raw(layout, data, words, spare, made, packed)
 
 
 @dataclass(frozen=True, slots=True)
 class _Raw:
-    """The columns of a piece as they stand on the line: words with their bytes swapped, shape (axes, records)."""
+    """A piece as it stands on the line: words with their bytes swapped, column by column."""
 
-    words: _Words
+    layout: Layout
+    data: Bytes
+    words: Words
+    spare: Words
+    columns: Columns
     auxiliary: Auxiliary
-    check: Bytes
 
-    def wrong(self, layout: Layout) -> NDArray[np.bool_]:
-        total = _sum_of_words(self.words)
-        if layout.uses_auxiliary:
-            total += _sum_of_longs(self.auxiliary)
-        wrong: NDArray[np.bool_] = total != self.check
-        if layout.format is RecordFormat.SPECIAL:
-            wrong |= (np.bitwise_or.reduce(self.words, axis=0) & np.uint16(0x0101)) != 0
-            wrong |= (self.auxiliary & np.uint32(0x01010101)) != 0
+    def record(self, index: int) -> bytes:
+        size = self.layout.record_bytes
+        return self.data[index * size : (index + 1) * size].tobytes()
+
+    def refuse_wrong(self, first_record: int) -> None:
+        wrong = self.wrong()
+        if wrong.any():
+            index = int(np.argmax(wrong))
+            why = _what_is_wrong(self.record(index), self.layout)
+            raise ProgramError(f"record {first_record + index:,}: {why}")
+
+    def wrong(self) -> NDArray[np.bool_]:
+        size = self.layout.record_bytes
+        total = sum_of_bytes([*self.columns, self.auxiliary[None]] if self.layout.uses_auxiliary else self.columns)
+        wrong: NDArray[np.bool_] = total != self.data[size - 1 :: size]
+        if self.layout.format is RecordFormat.SPECIAL and self._has_odd_byte():
+            wrong |= (self.data.reshape(-1, size)[:, :-1] & 1).any(axis=1)
         return wrong
 
+    def _has_odd_byte(self) -> bool:
+        np.bitwise_and(self.words, np.uint16(0x0101), out=self.spare)
+        return bool(self.spare.any()) or bool((self.auxiliary & np.uint32(0x01010101)).any())
 
-def _raw(records: NDArray[Any], layout: Layout) -> _Raw:
-    words = np.empty((layout.axis_count, len(records)), np.uint16)
-    for axis in range(layout.axis_count):
-        words[axis] = records[f"axis{axis}"]
-    auxiliary = records["aux"].astype(np.uint32) if layout.uses_auxiliary else np.zeros(1, np.uint32)
-    return _Raw(words, auxiliary, np.ascontiguousarray(records["check"]))
+
+def _auxiliary_field(data: Bytes, layout: Layout) -> NDArray[np.uint32]:
+    """Where the auxiliary functions stand in records, highest byte first: as numbers their bytes are swapped."""
+    size = layout.record_bytes
+    field: NDArray[np.uint32] = np.ndarray((len(data) // size,), "<u4", data.data, 2 * layout.axis_count, (size,))
+    return field
 
 
 def _what_is_wrong(record: bytes, layout: Layout) -> str:
@@ -171,31 +243,14 @@ def _what_is_wrong(record: bytes, layout: Layout) -> str:
     return f"the check byte is {record[-1]:02X}h, the sum of the other bytes {expected:02X}h ({shown}): alarm SR890"
 
 
-def _record_dtype(layout: Layout) -> np.dtype[Any]:
-    """One record; words have their high byte first, so as little-endian numbers they are swapped."""
-    names = [f"axis{axis}" for axis in range(layout.axis_count)]
-    formats = ["<u2"] * layout.axis_count
-    offsets = list(range(0, 2 * layout.axis_count, 2))
-    if layout.uses_auxiliary:
-        names, formats, offsets = [*names, "aux"], [*formats, ">u4"], [*offsets, 2 * layout.axis_count]
-    return np.dtype(
-        {
-            "names": [*names, "check"],
-            "formats": [*formats, "u1"],
-            "offsets": [*offsets, layout.record_bytes - 1],
-            "itemsize": layout.record_bytes,
-        }
-    )
-
-
-def _view(data: bytes | bytearray | memoryview | Bytes, layout: Layout) -> NDArray[Any]:
+def _whole(data: bytes | bytearray | memoryview | Bytes, layout: Layout) -> Bytes:
     flat = np.frombuffer(data, np.uint8)
     if len(flat) % layout.record_bytes:
         raise ProgramError(
             f"{len(flat):,} bytes are no whole number of records of {layout.record_bytes} ({layout}): "
             f"{len(flat) % layout.record_bytes} are left over"
         )
-    return flat.view(_record_dtype(layout))
+    return flat
 
 
 def _expect_shapes(travel: NDArray[Any], layout: Layout, auxiliary: NDArray[Any] | None) -> None:
@@ -210,105 +265,53 @@ def _expect_shapes(travel: NDArray[Any], layout: Layout, auxiliary: NDArray[Any]
         raise UsageError(f"auxiliary functions of shape {auxiliary.shape} for {len(travel):,} records")
 
 
-def _checked_columns(travel: NDArray[Any], layout: Layout, first_record: int) -> _Words:
-    """Shape (axes, records): one contiguous row an axis."""
+def _as_words(travel: NDArray[Any], layout: Layout, first_record: int) -> Travel:
+    """One record behind the other. Numbers that no word holds are refused; those that no record does, not yet."""
+    if travel.dtype != np.int16 and not _in_range(travel, layout):
+        raise _out_of_range(travel, layout, first_record)
+    return np.ascontiguousarray(travel, "<i2")
+
+
+def _in_range(numbers: NDArray[Any], layout: Layout) -> bool:
     low, high = layout.travel_limits
-    columns = np.ascontiguousarray(travel.T)
-    if columns.size and not (columns.min() >= low and columns.max() <= high):
-        axis, record = _first((columns < low) | (columns > high))
-        raise ProgramError(
-            f"record {first_record + record:,}, axis {axis + 1}: {int(columns[axis, record]):,} increments per unit "
-            f"time are outside {low} to {high} of the {layout.format} format"
-        )
-    return columns.astype(np.int16, copy=False).view(np.uint16)
+    held = np.iinfo(numbers.dtype)
+    return not numbers.size or (
+        (held.min >= low or bool(numbers.min() >= low)) and (held.max <= high or bool(numbers.max() <= high))
+    )
 
 
-def _first(wrong: NDArray[np.bool_]) -> tuple[int, int]:
-    """(row, column) of the first True in the order of columns."""
-    column, row = np.argwhere(wrong.T)[0]
-    return int(row), int(column)
+def _out_of_range(travel: NDArray[Any], layout: Layout, first_record: int) -> ProgramError:
+    low, high = layout.travel_limits
+    record, axis = np.argwhere((travel < low) | (travel > high))[0].tolist()
+    return ProgramError(
+        f"record {first_record + record:,}, axis {axis + 1}: {int(travel[record, axis]):,} increments per unit "
+        f"time are outside {low} to {high} of the {layout.format} format"
+    )
 
 
 def _checked_auxiliary(auxiliary: NDArray[Any], layout: Layout, first_record: int) -> Auxiliary:
-    words = auxiliary.astype(np.int64, copy=False)
-    wrong = np.flatnonzero((words < 0) | ((words & ~SIGNIFICANT) > layout.largest_auxiliary))
-    if len(wrong):
+    if auxiliary.dtype == np.uint32:
+        words: Auxiliary = auxiliary
+        wrong = words & np.uint32(~SIGNIFICANT & 0xFFFFFFFF) > layout.largest_auxiliary
+    else:
+        numbers = auxiliary.astype(np.int64, copy=False)
+        wrong = (numbers < 0) | ((numbers & ~SIGNIFICANT) > layout.largest_auxiliary)
+        words = numbers.astype(np.uint32)
+    if wrong.any():
+        index = int(np.argmax(wrong))
         raise ProgramError(
-            f"record {first_record + int(wrong[0]):,}: auxiliary function {int(words[wrong[0]]) & ~SIGNIFICANT:,} is "
+            f"record {first_record + index:,}: auxiliary function {int(auxiliary[index]) & ~SIGNIFICANT:,} is "
             f"outside 0 to {layout.largest_auxiliary:,} of the {layout.format} format"
         )
-    return words.astype(np.uint32)
+    return words
 
 
-def _refuse_no_motion(words: _Words, auxiliary: Auxiliary | None, first_record: int) -> None:
+def _refuse_no_motion(packed: Columns, auxiliary: Auxiliary | None, first_record: int) -> None:
     """Whether a zero auxiliary function alone leaves the mode is not stated (9.1): it is not sent."""
-    moving: NDArray[Any] = np.bitwise_or.reduce(words, axis=0)
+    if all_move(packed):
+        return
+    some = moving(packed)
     if auxiliary is not None:
-        moving = (moving != 0) | (auxiliary > np.uint32(SIGNIFICANT))
-    if moving.size and not moving.min():
-        raise ProgramError(f"record {first_record + int(np.argmin(moving)):,}: {NO_MOTION}")
-
-
-def _pack(view: NDArray[Any], words: _Words, auxiliary: Auxiliary | None, layout: Layout) -> None:
-    swapped = _swapped(words, layout)
-    for axis in range(layout.axis_count):
-        view[f"axis{axis}"] = swapped[axis]
-    total = _sum_of_words(swapped)
-    if auxiliary is not None:
-        packed = _packed_auxiliary(auxiliary, layout)
-        view["aux"] = packed
-        total += _sum_of_longs(packed)
-    view["check"] = total
-
-
-def _swapped(words: _Words, layout: Layout) -> _Words:
-    """Words as the line carries them, high byte first: special D6..D0 0 D13..D7 0, general D7..D0 D15..D8."""
-    if layout.format is RecordFormat.GENERAL:
-        return words.byteswap()
-    swapped = words >> np.uint16(6)
-    swapped &= np.uint16(0x00FE)
-    swapped |= words << np.uint16(9)
-    return swapped
-
-
-def _unpacked(column: _Words, layout: Layout) -> Travel:
-    if layout.format is RecordFormat.GENERAL:
-        return column.byteswap().view(np.int16)
-    spread = column >> _EIGHT
-    spread <<= np.uint16(1)
-    spread |= column << _EIGHT
-    travel: Travel = spread.view(np.int16)
-    travel >>= np.int16(2)
-    return travel
-
-
-def _packed_auxiliary(auxiliary: Auxiliary, layout: Layout) -> Auxiliary:
-    if layout.format is RecordFormat.GENERAL:
-        return auxiliary
-    packed = auxiliary & np.uint32(SIGNIFICANT)
-    for group, bits in enumerate(_SEVEN_BITS):
-        packed |= (auxiliary & np.uint32(bits)) << np.uint32(group + 1)
-    return packed
-
-
-def _unpacked_auxiliary(packed: NDArray[Any], layout: Layout) -> Auxiliary:
-    words: Auxiliary = packed.astype(np.uint32)
-    if layout.format is RecordFormat.GENERAL:
-        return words
-    auxiliary = words & np.uint32(SIGNIFICANT)
-    for group, bits in enumerate(_SEVEN_BITS):
-        auxiliary |= (words >> np.uint32(group + 1)) & np.uint32(bits)
-    return auxiliary
-
-
-def _sum_of_words(words: _Words) -> Bytes:
-    """Of all bytes of each record, modulo 256: added up as bytes, high and low ones side by side, then each pair."""
-    pairs = np.add.reduce(words.view(np.uint8), axis=0, dtype=np.uint8).view(np.uint16)
-    total: Bytes = (pairs + (pairs >> _EIGHT)).astype(np.uint8)
-    return total
-
-
-def _sum_of_longs(packed: Auxiliary) -> Bytes:
-    quarters = (packed >> np.uint32(shift) for shift in (8, 16, 24))
-    total: Bytes = sum(quarters, packed).astype(np.uint8)
-    return total
+        some |= auxiliary > np.uint32(SIGNIFICANT)
+    if not some.all():
+        raise ProgramError(f"record {first_record + int(np.argmin(some)):,}: {NO_MOTION}")

@@ -11,7 +11,7 @@ from typing import Final, TypeAlias
 
 from tapewire.engine import LineFault, Nanos, SignalsIn, SignalsOut
 from tapewire.line.capture import ALL_ON, FAULTS, Happening, Lines, Record, called_back
-from tapewire.line.transport import Closed, Fault, LineItem, StopDistance, Transport, watched_of
+from tapewire.line.transport import Closed, Fault, LineItem, StopDistance, Transport, slack_of, watched_of
 
 __all__ = ["CapturedLine", "TakesRecords"]
 
@@ -38,6 +38,11 @@ class CapturedLine:
     def watched(self) -> int | None:
         """What the line itself says."""
         return watched_of(self._line)
+
+    @property
+    def slack(self) -> Nanos:
+        """What the line itself says."""
+        return slack_of(self._line)
 
     @property
     def stop_distance(self) -> StopDistance:

@@ -19,7 +19,7 @@ from tapewire.errors import UsageError
 from tapewire.line.pacing import RxPacer, TxPacer, character_time
 from tapewire.line.transport import Closed, Fault, LineItem, StopDistance
 
-__all__ = ["BAUD_LIMITS", "Arrivals", "DescriptorLine", "LineSettings", "Parity", "Signals"]
+__all__ = ["BAUD_LIMITS", "BREAK_TIME", "Arrivals", "DescriptorLine", "LineSettings", "Parity", "Signals"]
 
 BAUD_LIMITS: Final = (50, 4_000_000)
 """From the slowest teleprinter rate termios knows to the fastest."""
@@ -36,8 +36,15 @@ LOOK_BOUND: Final = 65536
 GROUP_TIME: Final[Nanos] = 2 * MILLISECOND
 """Paced characters are passed on in groups of this duration: two late wake-ups long, 16 characters at 86400."""
 
+SLACK_SHARE: Final = 4
+"""A quarter of the window may pass before a refill that is due: half of it, 13 ms, is left then before a gap."""
+
 QUEUE_POLL: Final[Nanos] = 5 * MILLISECOND
 """How often the kernel's queue is asked while it holds more than the model of the line says it should."""
+
+
+BREAK_TIME: Final[Nanos] = 250 * MILLISECOND
+"""How long a break is held: the least that tcsendbreak takes, and longer than any character."""
 
 
 class Parity(StrEnum):
@@ -175,6 +182,12 @@ def _characters(item: LineItem) -> int:
             return 0
 
 
+def _nearer(one: Nanos | None, other: Nanos | None) -> Nanos | None:
+    if one is None or other is None:
+        return other if one is None else one
+    return one if one <= other else other
+
+
 class DescriptorLine:
     """A Transport over a non-blocking file descriptor, which it owns.
 
@@ -187,6 +200,9 @@ class DescriptorLine:
         self._settings = settings
         self._fd: int | None = fd
         self._tx = TxPacer(character, settings.window)
+        self.slack: Nanos = 0 if settings.paced_reception else settings.window * character // SLACK_SHARE
+        """How much later than its deadline this line may be looked at. What is due in a closed loop, or character by
+        character, is due at once: a small window has next to none."""
         self._arrivals = Arrivals(RxPacer(character) if settings.paced_reception else None)
         self._now: Nanos = 0
         self._room = 0
@@ -200,6 +216,10 @@ class DescriptorLine:
         self._ended = False
         self._connected = True
         self._signals: SignalsIn | None = None
+        self._asked: Nanos | None = None
+        self._queued_then = 0
+        self._break_wanted = False
+        self._break_ends: Nanos | None = None
 
     @property
     def connected(self) -> bool:
@@ -221,6 +241,8 @@ class DescriptorLine:
         if self._fd is None:
             return []
         self._flush()
+        if self._is_breaking:
+            self._go_on_with_break(self._fd, now)
         if self._signals is None:
             self._look_at_signals()
             self._collect(self._fd)
@@ -232,10 +254,11 @@ class DescriptorLine:
     def room(self, now: Nanos) -> int:
         """The window less what is in flight, in pieces of at least a quarter of it."""
         self._now = now
-        open_to_send = self._fd is not None and self._connected and not (self._ended or self._failure)
-        cts = self._signals is None or self._signals.cts
-        free = self._settings.window - self.in_flight(now)
-        self._room = self._tx.offer(free) if open_to_send and cts and not self._unsent else 0
+        closed = self._fd is None or not self._connected or self._ended or self._failure is not None
+        if closed or self._unsent or self._is_breaking or (self._signals is not None and not self._signals.cts):
+            self._room = 0
+        else:
+            self._room = self._tx.offer(self._settings.window - self.in_flight(now))
         return self._room
 
     def write(self, data: bytes, now: Nanos) -> None:
@@ -248,9 +271,11 @@ class DescriptorLine:
 
     def in_flight(self, now: Nanos) -> int:
         """By the model of a line at its rate, and at least what the kernel and this end still hold."""
-        held, by_model = self._held() - self._patience, self._tx.in_flight(now)
-        self._behind = self._behind or held > by_model
-        return max(by_model, held)
+        held, by_model = self._held(now) - self._patience, self._tx.in_flight(now)
+        if held <= by_model:
+            return by_model
+        self._behind = True
+        return held
 
     def on_its_way(self, now: Nanos) -> int:
         """What the kernel and this end still hold. The FIFO of a UART (16 characters) cannot be asked.
@@ -259,12 +284,17 @@ class DescriptorLine:
         """
         if self._settings.paced_reception:
             return self._tx.in_flight(now)
-        held = self._held()
+        held = self._held(now)
         self._behind = self._behind or held > 0
         return held
 
-    def _held(self) -> int:
-        return 0 if self._fd is None or self._ended else self._queued(self._fd) + len(self._unsent)
+    def _held(self, now: Nanos) -> int:
+        """The kernel is asked once for one moment, and again when it has been given more."""
+        if self._fd is None or self._ended:
+            return 0
+        if now != self._asked:
+            self._asked, self._queued_then = now, self._queued(self._fd)
+        return self._queued_then + len(self._unsent)
 
     def discard(self, now: Nanos) -> int:
         """Call back what the kernel did not take, and of what it took as much as this kind of line can."""
@@ -272,9 +302,37 @@ class DescriptorLine:
         if self._fd is None or self._ended:
             return 0
         count = len(self._unsent) + self._recall(self._fd)
+        self._asked = None
         self._unsent.clear()
         self._tx.call_back(count)
         return count
+
+    @property
+    def can_break(self) -> bool:
+        """This kind of line can send a break."""
+        return False
+
+    def send_break(self, now: Nanos) -> None:
+        """Hold the wire for BREAK_TIME once all that was handed over has left; until it is over nothing else is sent.
+
+        Asked again meanwhile it is the same break.
+        """
+        self._now = now
+        self._break_wanted = self._break_ends is None
+        if self._fd is not None:
+            self._go_on_with_break(self._fd, now)
+
+    @property
+    def _is_breaking(self) -> bool:
+        return self._break_wanted or self._break_ends is not None
+
+    def _go_on_with_break(self, fd: int, now: Nanos) -> None:
+        if self._break_ends is not None and now >= self._break_ends:
+            self._break_ends = None
+            self._end_break(fd)
+        elif self._break_wanted and not self.in_flight(now):
+            self._break_wanted, self._break_ends = False, now + BREAK_TIME
+            self._begin_break(fd)
 
     def set_signals(self, signals: SignalsOut, now: Nanos) -> None:
         """Nothing: only a real port has control lines."""
@@ -284,14 +342,13 @@ class DescriptorLine:
             return None
         if self._failure is not None and not self._ended:
             return self._now
-        moments = [self._next_room(), self._arrivals.next_deadline()]
+        nearest = _nearer(self._next_room(), self._arrivals.next_deadline())
+        nearest = _nearer(nearest, self._break_ends)
         if not self._ended:
-            poll = self._poll_interval()
-            if self._behind:
-                poll = QUEUE_POLL if poll is None else min(poll, QUEUE_POLL)
+            poll = _nearer(self._poll_interval(), QUEUE_POLL if self._behind else None)
             if poll is not None:
-                moments.append(self._now + poll)
-        return min((moment for moment in moments if moment is not None), default=None)
+                nearest = _nearer(nearest, self._now + poll)
+        return nearest
 
     @property
     def stop_distance(self) -> StopDistance:
@@ -339,6 +396,9 @@ class DescriptorLine:
         self._arrivals.put(closed)
 
     def _flush(self) -> None:
+        if not self._unsent:
+            return
+        self._asked = None
         while self._unsent and self._fd is not None and self._failure is None:
             try:
                 del self._unsent[: os.write(self._fd, self._unsent)]
@@ -384,6 +444,12 @@ class DescriptorLine:
     def _recall(self, fd: int) -> int:
         """Call back what the kernel took. Returns how many characters will never leave."""
         return 0
+
+    def _begin_break(self, fd: int) -> None:
+        """Hold the wire; only called where `can_break`."""
+
+    def _end_break(self, fd: int) -> None:
+        """Let go of it."""
 
     def _ask_signals(self, fd: int) -> SignalsIn | None:
         """The control lines; None where there are none."""

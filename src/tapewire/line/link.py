@@ -70,8 +70,8 @@ class Link:
         # What has left is told before what came in, which may be the answer to it.
         if self._reported_left != self.characters_sent:
             self._report_left(now)
-        if not self.closed:
-            self._read(now)
+        if not self.closed and (items := self.transport.read(now)):
+            self._receive(items, now)
         engine = self.engine
         deadline = engine.next_deadline()
         if deadline is not None and deadline <= now:
@@ -103,11 +103,11 @@ class Link:
                 nearest = moment
         return nearest
 
-    def _read(self, now: Nanos) -> None:
-        engine = self.engine
-        for item in self.transport.read(now):
-            if self.on_item is not None:
-                self.on_item(item, now)
+    def _receive(self, items: list[LineItem], now: Nanos) -> None:
+        engine, on_item = self.engine, self.on_item
+        for item in items:
+            if on_item is not None:
+                on_item(item, now)
             match item:
                 case bytes():
                     engine.receive_data(item, now)
@@ -157,6 +157,8 @@ class Link:
             engine.data_sent(len(data), now)
             if self.on_sent is not None:
                 self.on_sent(self.characters_sent, now)
+            if len(data) == room:
+                return
 
     def _drain(self, now: Nanos) -> None:
         """What the application has to tell comes first: an alarm before the end that it makes."""

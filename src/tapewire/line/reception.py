@@ -92,18 +92,28 @@ class Reception:
         """What this end was told of the control lines."""
         self._late_until: Nanos = 0
         """Before this moment nothing arrives any more that has not."""
+        self._deadline: Nanos | None = None
+        self._deadline_holds = False
+        """Nothing has come, gone or been taken since it was worked out."""
 
     # what the other end does
 
     def put(self, first: Nanos, data: bytes, step: Nanos) -> None:
-        """`data` is on its way."""
-        self._wire.append(Segment(first, data, step))
+        """`data` is on its way; behind what is on its way without a gap, it is one with that."""
+        self._deadline_holds = False
+        before = self._wire[-1] if self._wire else None
+        if before is not None and before.step == step and before.last + step == first:
+            before.first, before.data, before.taken = before.next, before.data[before.taken :] + data, 0
+        else:
+            self._wire.append(Segment(first, data, step))
 
     def mark(self, moment: Nanos, what: SignalsIn | Closed | Fault) -> None:
+        self._deadline_holds = False
         insort(self._wire_marks, (moment, what), key=_moment)
 
     def call_back(self, count: int) -> None:
         """The last `count` characters on their way never leave."""
+        self._deadline_holds = False
         while count:
             segment = self._wire[-1]
             waiting = len(segment.data) - segment.taken
@@ -117,6 +127,7 @@ class Reception:
         """The other end lost its power, which shows here at `moment`: what has not arrived never does, but for what
         is read of the character of `bits` bits that was under way.
         """
+        self._deadline_holds = False
         under_way, lost, was = None, 0, b""
         while self._wire and self._wire[-1].last > moment:
             segment = self._wire.pop()
@@ -139,6 +150,7 @@ class Reception:
 
     def forget(self, now: Nanos) -> None:
         """What has arrived by `now` is lost, told or not; the control lines are told again as they are."""
+        self._deadline_holds = False
         if self._injector is not None:
             self._cross(now, self._injector)
         self._collect([], now, None)
@@ -164,10 +176,14 @@ class Reception:
 
     def take(self, now: Nanos) -> list[LineItem]:
         """What this end has been told of by `now` and has not taken."""
+        if self._timeout and self._deadline_holds and (self._deadline is None or now < self._deadline):
+            # A FIFO that tells by itself has nothing to tell before.
+            return []
         if self._injector is not None:
             self._cross(now, self._injector)
         items: list[LineItem] = []
         marks = self._marks
+        self._deadline_holds = False
         if self._is_bare and not (marks and marks[0][0] <= now):
             self._collect(items, now, None)
             return items
@@ -185,6 +201,12 @@ class Reception:
 
     def next_deadline(self) -> Nanos | None:
         """When this end is told of something."""
+        if not self._deadline_holds:
+            self._deadline = self._nearest()
+            self._deadline_holds = True
+        return self._deadline
+
+    def _nearest(self) -> Nanos | None:
         if self._is_bare:
             marked = self._marks[0][0] if self._marks else None
             if not self._wire:

@@ -13,9 +13,9 @@ from collections.abc import Callable, Mapping
 from enum import StrEnum
 from typing import Final, TypeAlias
 
-from tapewire.engine import SECOND, Closure, Nanos, SignalsIn, SignalsOut
+from tapewire.engine import SECOND, Closure, LineFault, Nanos, SignalsIn, SignalsOut
 from tapewire.line.capture import Side
-from tapewire.line.transport import Closed, Fault, LineItem, Transport, watched_of
+from tapewire.line.transport import Closed, Fault, LineItem, Transport, can_break, send_break, watched_of
 
 __all__ = ["Damaged", "Relay"]
 
@@ -52,6 +52,8 @@ class Relay:
         self._on_item = on_item
         self._waiting = {side: bytearray() for side in lines}
         """What came from a side and has not been passed on."""
+        self._break_behind: dict[Side, int] = {}
+        """A break that came from a side is passed on behind so many of the characters that wait."""
         self._has_signals = dict.fromkeys(lines, False)
         self._closing: tuple[Closed, Nanos] | None = None
         self._now: Nanos = 0
@@ -97,7 +99,7 @@ class Relay:
         """Something of what `side` said has not left towards the other."""
         if side not in self._lines or (other := self._lines.get(side.other)) is None:
             return False
-        return bool(self._waiting[side]) or other.in_flight(self._now) > 0
+        return bool(self._waiting[side]) or side in self._break_behind or other.in_flight(self._now) > 0
 
     def _take(self, side: Side, item: LineItem, now: Nanos) -> None:
         self._on_item(side, item, now)
@@ -105,6 +107,9 @@ class Relay:
             case bytes():
                 self.characters += len(item)
                 self._keep(side, item)
+            case Fault(fault=LineFault.BREAK) if (far := self._lines.get(side.other)) is not None and can_break(far):
+                # A second one before the first has been passed on is the same to whoever listens there.
+                self._break_behind.setdefault(side, len(self._waiting[side]))
             case Fault(fault=fault):
                 self.characters += 1
                 if self._damaged is Damaged.STOP and len(self._lines) > 1:
@@ -128,8 +133,16 @@ class Relay:
 
     def _pass_on(self, side: Side, now: Nanos) -> None:
         waiting, other = self._waiting[side], self._lines.get(side.other)
-        while waiting and other is not None and self.ended is None and (room := other.room(now)):
-            piece = bytes(waiting[:room])
+        while other is not None and self.ended is None:
+            if self._break_behind.get(side) == 0:
+                del self._break_behind[side]
+                send_break(other, now)
+            before = self._break_behind.get(side, len(waiting))
+            if not before or not (room := other.room(now)):
+                break
+            piece = bytes(waiting[: min(room, before)])
             other.write(piece, now)
             del waiting[: len(piece)]
+            if side in self._break_behind:
+                self._break_behind[side] -= len(piece)
         self.most_waiting[side] = max(self.most_waiting[side], len(waiting))

@@ -272,6 +272,13 @@ class Client(_End):
         """Throw away what the server has received from here and not sent on."""
         self._say_com_port(Word.PURGE_DATA, bytes((PurgeOf.TO_SEND,)))
 
+    def begin_break(self) -> None:
+        """Have the server hold its line until `end_break`."""
+        self._control(Control.BREAK_ON)
+
+    def end_break(self) -> None:
+        self._control(Control.BREAK_OFF)
+
     def probe(self) -> None:
         """Ask for something that must be answered: the rate."""
         self._say_com_port(Word.SET_BAUDRATE, bytes(4))
@@ -388,13 +395,19 @@ class Server(_End):
 
     def _agreed(self, option: Option, verb: Verb) -> None:
         super()._agreed(option, verb)
-        if option is Option.COM_PORT and verb is Verb.WILL and not self.speaks:
-            self.speaks = True
-            self._notify_modem()
+        if option is Option.COM_PORT and verb is Verb.WILL:
+            self._notice_that_it_speaks()
         elif option is Option.COM_PORT and verb is Verb.WONT:
             self.trouble = "it refuses to speak of serial ports"
 
+    def _notice_that_it_speaks(self) -> None:
+        if not self.speaks:
+            self.speaks = True
+            self._notify_modem()
+
     def _com_port(self, word: int, payload: bytes) -> list[Heard]:
+        # A client whose offer crosses our wish may take it for granted and never make it (pyserial does).
+        self._notice_that_it_speaks()
         value = payload[0] if payload else 0
         match word:
             case Word.SET_BAUDRATE | Word.SET_DATASIZE | Word.SET_PARITY | Word.SET_STOPSIZE:

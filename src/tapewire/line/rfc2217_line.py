@@ -9,7 +9,7 @@ from __future__ import annotations
 import socket
 from typing import Final
 
-from tapewire.engine import SECOND, Closure, Nanos, SignalsIn, SignalsOut
+from tapewire.engine import SECOND, Closure, LineFault, Nanos, SignalsIn, SignalsOut
 from tapewire.line.descriptor import LineSettings, Parity, Signals
 from tapewire.line.rfc2217 import Client, PortSettings, Purged, Server
 from tapewire.line.tcp import TcpLine
@@ -84,6 +84,10 @@ class Rfc2217Line(TcpLine):
         self._now = now
         return 0
 
+    @property
+    def can_break(self) -> bool:
+        return True
+
     def _encode(self, data: bytes) -> bytes:
         return self._end_of_it.encode(data)
 
@@ -152,6 +156,14 @@ class ClientLine(Rfc2217Line):
         self._driven = signals
         self._pass_on()
 
+    def _begin_break(self, fd: int) -> None:
+        self._end_of_it.begin_break()
+        self._pass_on()
+
+    def _end_break(self, fd: int) -> None:
+        self._end_of_it.end_break()
+        self._pass_on()
+
     def _watch_over_server(self, now: Nanos) -> None:
         heard = self._heard = self._heard if self._heard is not None else now
         if self._failure is None and now - heard >= GONE and self._probed is not None:
@@ -183,4 +195,9 @@ class ServerLine(Rfc2217Line):
 
     def set_signals(self, signals: SignalsOut, now: Nanos) -> None:
         self._end_of_it.drive(signals)
+        self._pass_on()
+
+    def _begin_break(self, fd: int) -> None:
+        """The client is told of one; how long it was is not part of RFC 2217."""
+        self._end_of_it.say_fault(LineFault.BREAK)
         self._pass_on()

@@ -88,6 +88,7 @@ class CableEnd:
         self._settings = settings
         self._cable = cable
         self._path = path
+        self._out_of_reach = path.out_of_reach
         self._has_signals = cable.has_signals and path.signal_delay is not None
         self._character = round(cable.character / (1 + settings.clock_percent / 100))
         """What one really takes."""
@@ -155,12 +156,11 @@ class CableEnd:
     def _within_reach(self, now: Nanos) -> int:
         """Characters handed over that can be called back."""
         unsent = -(-(self._uart_free - now) // self._character)
-        out_of_reach = self._path.out_of_reach
-        if unsent <= out_of_reach:
+        if unsent <= self._out_of_reach:
             return 0
         if not self._path.poll and not self._path.latency:
-            return unsent - out_of_reach
-        return max(0, self.peer._reception.on_the_wire(now + self._cable.latency) - self._path.out_of_reach)
+            return unsent - self._out_of_reach
+        return max(0, self.peer._reception.on_the_wire(now + self._cable.latency) - self._out_of_reach)
 
     def in_flight(self, now: Nanos) -> int:
         if self._loop is not None:

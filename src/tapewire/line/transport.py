@@ -8,11 +8,21 @@ characters in flight says 0, and nobody above it needs to know why.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Protocol, TypeAlias, cast
 
 from tapewire.engine import Closure, LineFault, Nanos, SignalsIn, SignalsOut
 
-__all__ = ["Closed", "Fault", "LineItem", "StopDistance", "Transport", "watched_of"]
+__all__ = [
+    "Closed",
+    "Fault",
+    "LineItem",
+    "StopDistance",
+    "Transport",
+    "can_break",
+    "send_break",
+    "slack_of",
+    "watched_of",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,3 +107,27 @@ def watched_of(transport: Transport) -> int | None:
     """
     watched: int | None = getattr(transport, "watched", None)
     return watched
+
+
+def slack_of(transport: Transport) -> Nanos:
+    """How much later than its deadline a line may be looked at without a gap on the wire; 0 unless it says more."""
+    slack: Nanos = getattr(transport, "slack", 0)
+    return slack
+
+
+class _Breaks(Protocol):
+    can_break: bool
+
+    def send_break(self, now: Nanos) -> None: ...
+
+
+def can_break(transport: Transport) -> bool:
+    """The wire can be held for longer than any character: a serial port here, or behind a server by RFC 2217."""
+    can: bool = getattr(transport, "can_break", False)
+    return can
+
+
+def send_break(transport: Transport, now: Nanos) -> None:
+    """Hold the wire of a line that `can_break`, behind all that was handed over; there is no room until it is over."""
+    assert can_break(transport), "this kind of line has no breaks"
+    cast(_Breaks, transport).send_break(now)

@@ -14,7 +14,7 @@ import select
 import termios
 from typing import Final
 
-from tapewire.engine import MILLISECOND, Closure, LineFault, Nanos, SignalsIn, SignalsOut
+from tapewire.engine import MILLISECOND, SECOND, Closure, LineFault, Nanos, SignalsIn, SignalsOut
 from tapewire.errors import LineError
 from tapewire.line.closed_loop import CLOSED_LOOP_WINDOW, ClosedLoop
 from tapewire.line.descriptor import DescriptorLine, LineSettings, Signals
@@ -22,6 +22,7 @@ from tapewire.line.kernel import Counters, TtyKernel
 from tapewire.line.marks import Damage, decode_marks
 from tapewire.line.modem import SignalWatch, can_interrupt
 from tapewire.line.ports import Port
+from tapewire.line.standstill import STANDSTILL, Standstill
 from tapewire.line.transport import Closed, Fault, LineItem, StopDistance
 
 __all__ = ["TtyLine"]
@@ -62,6 +63,7 @@ class TtyLine(DescriptorLine):
         self._watch = SignalWatch(fd, kernel) if self._hears_signals and can_interrupt() else None
         self._both = None if self._watch is None else _both(fd, self._watch.fd)
         self._loop = self._closed_loop(fd)
+        self._standstill = Standstill()
 
     @property
     def watched(self) -> int | None:
@@ -110,9 +112,14 @@ class TtyLine(DescriptorLine):
             return self._kernel.counters(self._fd)
         return None
 
+    def read(self, now: Nanos) -> list[LineItem]:
+        self._watch_transmitter(now)
+        return super().read(now)
+
     def write(self, data: bytes, now: Nanos) -> None:
         if self._loop is not None:
             self._loop.hand_over(len(data), now)
+        self._standstill.hand_over(len(data))
         super().write(data, now)
 
     def in_flight(self, now: Nanos) -> int:
@@ -128,6 +135,7 @@ class TtyLine(DescriptorLine):
         count = super().discard(now)
         if self._loop is not None:
             self._loop.call_back(count)
+        self._standstill.call_back(count)
         return count
 
     def set_signals(self, signals: SignalsOut, now: Nanos) -> None:
@@ -137,6 +145,19 @@ class TtyLine(DescriptorLine):
         on = sum(bit for bit, state in wanted.items() if state)
         with contextlib.suppress(OSError):  # a port that is gone says so when it is read
             self._kernel.set_signals(self._fd, on, sum(wanted) - on)
+
+    def _watch_transmitter(self, now: Nanos) -> None:
+        """One that holds characters and sends none ends the line: the job would wait for it without end."""
+        if self._is_pseudo or self._failure is not None:
+            return
+        held = self._held(now) if self._loop is None else self.in_flight(now)
+        lasts = self._standstill.lasts(held, now)
+        if lasts >= STANDSTILL:
+            self._failure = Closed(
+                closure=Closure.LOST,
+                reason=f"{self._path} was lost: its transmitter holds {held} characters and has sent none for"
+                f" {lasts // SECOND} s; unplug the adapter and plug it in again",
+            )
 
     def _closed_loop(self, fd: int) -> ClosedLoop | None:
         if self._is_pseudo or self._settings.window > CLOSED_LOOP_WINDOW:
@@ -180,6 +201,8 @@ class TtyLine(DescriptorLine):
         return Closed(closure=Closure.LOST, reason=f"{self._path} was lost: it hung up or was unplugged")
 
     def _queued(self, fd: int) -> int:
+        if self._is_pseudo:
+            return 0  # which is what it says whatever it holds
         with contextlib.suppress(OSError):
             return self._kernel.queued(fd)
         return 0
@@ -231,12 +254,26 @@ class TtyLine(DescriptorLine):
         told = self._watch is not None and not self._watch.failed and self.watched is not None
         return SIGNALS_CHECK if told else SIGNALS_POLL
 
+    @property
+    def can_break(self) -> bool:
+        return not self._is_pseudo
+
+    def _begin_break(self, fd: int) -> None:
+        with contextlib.suppress(OSError):  # a port that is gone says so when it is read
+            self._kernel.begin_break(fd)
+
+    def _end_break(self, fd: int) -> None:
+        with contextlib.suppress(OSError):
+            self._kernel.end_break(fd)
+
     def _release(self, fd: int) -> None:
         if self._watch is not None and self._both is not None:
             self._both.close()
             self._watch.close()
         if not self._is_pseudo:
             with contextlib.suppress(OSError):
+                if self._break_ends is not None:
+                    self._kernel.end_break(fd)
                 # A close would wait up to 30 s for what is still queued, and it would leave after the job's end.
                 self._kernel.flush_output(fd)
                 self._kernel.disclaim(fd)

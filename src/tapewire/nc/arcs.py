@@ -10,10 +10,10 @@ import numpy as np
 
 from tapewire.errors import ProgramError
 
-__all__ = ["Arc", "chords"]
+__all__ = ["RADIUS_ERROR_MM", "Arc", "chords"]
 
-RADIUS_ERROR: Final = 0.01
-"""The radii at both ends of an arc may differ by so much, in units: no control takes much more."""
+RADIUS_ERROR_MM: Final = 0.01
+"""The radii at both ends of an arc may differ by so much: no control takes much more."""
 MOST_CHORDS: Final = 100_000
 """Of one arc. Fewer than it needs would leave the tolerance: such an arc is refused."""
 LARGEST_RADIUS: Final = 1e7
@@ -32,22 +32,23 @@ class Arc:
 
 
 def chords(
-    arc: Arc, start: dict[str, float], end: dict[str, float], error: float
+    arc: Arc, start: dict[str, float], end: dict[str, float], error: float, radius_error: float
 ) -> tuple[list[tuple[float, ...]], float]:
     """Ends of chords no farther than `error` from the arc, all axes, the last one exactly at `end`; and how much longer
-    the way is than in the plane. Axes out of the plane go along in proportion. Raises ProgramError.
+    the way is than in the plane. Axes out of the plane go along in proportion. The radii at both ends may differ by
+    `radius_error`. Raises ProgramError.
     """
     first, second, _, _ = _PLANES[arc.plane]
     if first not in start or second not in start:
         raise ProgramError(f"an arc in G{arc.plane} needs the axes {first} and {second}")
-    centre = _centre(arc, start, end)
+    centre = _centre(arc, start, end, radius_error)
     radius = math.hypot(start[first] - centre[0], start[second] - centre[1])
     at_end = math.hypot(end[first] - centre[0], end[second] - centre[1])
     if radius < 1e-9:
         raise ProgramError("an arc of radius 0")
     if not max(radius, at_end) <= LARGEST_RADIUS:
         raise ProgramError(f"an arc of radius {max(radius, at_end):g}: at most {LARGEST_RADIUS:g} is read")
-    if abs(radius - at_end) > RADIUS_ERROR:
+    if abs(radius - at_end) > radius_error:
         raise ProgramError(f"the arc begins with the radius {radius:.4f} and ends with {at_end:.4f}")
     begin = math.atan2(start[second] - centre[1], start[first] - centre[0])
     sweep = _sweep(arc, begin, math.atan2(end[second] - centre[1], end[first] - centre[0]))
@@ -69,7 +70,7 @@ def chords(
     return made, math.hypot(flat, rest) / flat
 
 
-def _centre(arc: Arc, start: dict[str, float], end: dict[str, float]) -> tuple[float, float]:
+def _centre(arc: Arc, start: dict[str, float], end: dict[str, float], radius_error: float) -> tuple[float, float]:
     first, second, along_first, along_second = _PLANES[arc.plane]
     if "R" not in arc.offsets:
         if along_first not in arc.offsets and along_second not in arc.offsets:
@@ -80,7 +81,7 @@ def _centre(arc: Arc, start: dict[str, float], end: dict[str, float]) -> tuple[f
     chord = math.hypot(*half)
     if not chord:
         raise ProgramError("a full circle with R: its centre is anywhere; use I, J and K")
-    if chord > abs(radius) + RADIUS_ERROR:
+    if chord > abs(radius) + radius_error:
         raise ProgramError(f"an arc with R{radius:g} cannot span a chord of {2 * chord:.4f}")
     height = math.sqrt(max(radius**2 - chord**2, 0.0))
     side = 1 if arc.clockwise == (radius < 0) else -1

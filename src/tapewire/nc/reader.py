@@ -10,18 +10,20 @@ refused with its line, and nothing is guessed.
 
 from __future__ import annotations
 
-import re
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 
 from tapewire.errors import ProgramError
 from tapewire.g05.modes import ModalWatch
 from tapewire.g05.path import Moves
-from tapewire.g05.sections import find_g05
-from tapewire.nc.arcs import Arc, chords
+from tapewire.g05.sections import find_g05, find_g05_with_point
+from tapewire.nc.arcs import RADIUS_ERROR_MM, Arc, chords
+from tapewire.nc.modal import MODES, Modal, Places, is_plain
+from tapewire.nc.text import PlainRuns, ProgramText, Words, refusal_at
 
 __all__ = ["NcReader", "Reading"]
 
@@ -30,17 +32,9 @@ MOST_KEPT_BLOCKS: Final = 10_000
 MOST_MOVES_HOME: Final = 20
 """Moves behind the first block of other text: more are no way home, but a program that needs text among its moves."""
 MOVES_AT_A_TIME: Final = 8_192
+SHORTEST_RUN: Final = 16
+"""Blocks; fewer are as fast one by one."""
 MM_PER_INCH: Final = 25.4
-
-_WORD: Final = re.compile(r"([A-Z])([-+]?[0-9]*\.?[0-9]*)")
-_COMMENT: Final = re.compile(r"\([^()]*\)")
-_PLACE_LOST: Final = frozenset((10.0, 27.0, 28.0, 29.0, 30.0, 52.0, 53.0, 92.1))
-"""G codes after which the axes are where this program does not say."""
-_WITHOUT_MOTION: Final = frozenset((9, 17, 18, 19, 20, 21, 40, 61, 64, 69, 80, 90, 91, 94))
-_WORK_COORDINATES: Final = frozenset((54.0, 55.0, 56.0, 57.0, 58.0, 59.0))
-_FEED_OF_OTHER_KIND: Final = {93.0: "G93, inverse time", 95.0: "G95, per revolution"}
-
-_Words: TypeAlias = list[tuple[str, str]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,30 +55,27 @@ class Reading:
 
 
 class NcReader:
-    """Reads a program once. `header` and `start` are there from the beginning, `trailer` when `moves` has ended.
+    """Reads a program once, from its text in pieces cut anywhere.
 
-    Raises ProgramError with the line, at once or from `moves`.
+    `header` and `start` are there from the beginning, `trailer` when `moves` has ended. Raises ProgramError with the
+    line, at once or from `moves`.
     """
 
-    def __init__(self, lines: Iterable[str], reading: Reading) -> None:
+    def __init__(self, text: Iterable[str], reading: Reading) -> None:
         self._reading = reading
-        self._lines = iter(lines)
-        self._number = 0
-        self._place: dict[str, float | None] = dict.fromkeys(reading.axes)
-        if reading.start is not None:
-            self._place.update(zip(reading.axes, reading.start, strict=True))
-        self._motion: float | None = None
-        self._plane, self._incremental, self._inch = 17, False, False
-        self._feed: float | None = None
-        self._feed_word = ""
-        self._feed_kind = 94.0
-        self._work_coordinate: float | None = None
+        self._text = ProgramText(text)
+        self._runs = PlainRuns(reading.axes)
+        self._one_by_one = 0
+        """Up to this line a run has been looked for, and was too short or not plain enough."""
+        self._modal = Modal()
         self._moves_home = 0
-        self._modes = ModalWatch()
         self.header: list[str] = []
         self.trailer: list[str] = []
         self._trailer_line = 0
-        self._first: tuple[str, _Words] | None = self._read_header()
+        known = Places(reading.axes, reading.start)
+        self._place = known.at
+        self._first: tuple[str, Words] | None = self._read_header(known)
+        self._place = known.at
         self.start = tuple(value for value in self._place.values() if value is not None)
 
     def moves(self) -> Iterator[Moves]:
@@ -97,103 +88,134 @@ class NcReader:
             if len(ends) >= MOVES_AT_A_TIME:
                 yield _moves(ends, speeds)
                 ends, speeds = [], []
-            block = self._next()
+            run = self._plain_run()
+            if run is not None:
+                if ends:
+                    yield _moves(ends, speeds)
+                    ends, speeds = [], []
+                yield run
+            block = self._text.block()
         if ends:
             yield _moves(ends, speeds)
 
-    # lines
+    # the header
 
-    def _next(self) -> tuple[str, _Words] | None:
-        """The next block that holds anything; None at the end, which is the second % or that of the file."""
-        for line in self._lines:
-            self._number += 1
-            if len(line) > 4096:
-                raise self._refusal("is longer than 4,096 characters: this is no NC program")
-            text = line.strip()
-            if text.startswith("%") and self._number == 1:
-                continue
-            if "%" in text:
-                return None
-            kept, text = text, text.upper()
-            if "(" in text:
-                text = _COMMENT.sub("", text)
-            text = text.replace(" ", "").rstrip(";")
-            if not text:
-                continue
-            words = _WORD.findall(text)
-            if sum(len(letter) + len(value) for letter, value in words) != len(text):
-                if text.startswith("/"):
-                    raise self._refusal("has a block skip: say by editing whether the block is to be executed")
-                raise self._refusal("holds something that is no word of an NC block")
-            return kept, words
-        return None
-
-    def _read_header(self) -> tuple[str, _Words] | None:
+    def _read_header(self, places: Places) -> tuple[str, Words] | None:
         """Blocks up to the first move from a place that is known; that one is returned."""
-        while (block := self._next()) is not None:
+        modes, modal = ModalWatch(), self._modal
+        displaced: ProgramError | None = None
+        while (block := self._text.block()) is not None:
             kept, words = block
-            if None not in self._place.values() and self._is_plain_move(words):
-                if self._modes.forbidden:
-                    modes = ", ".join(self._modes.forbidden)
-                    raise self._refusal(f"would be binary input operation while {modes} is on: an alarm (9.3)")
-                if self._feed_kind in _FEED_OF_OTHER_KIND:
-                    kind = _FEED_OF_OTHER_KIND[self._feed_kind]
-                    raise self._refusal(f"moves while the feed is that of {kind}: only feed per minute (G94) is read")
+            if not places.unknown and self._is_plain_move(words):
+                self._refuse_modes(modes, places, words)
                 return block
+            if modes.displacing and displaced is None and self._is_plain_move(words):
+                displaced = self._forbidden(modes)
             self._keep(self.header, kept)
-            self._modes.feed(kept.encode("utf-8", "replace"))
-            self._follow(words)
-        missing = ", ".join(axis for axis, value in self._place.items() if value is None)
-        why = f"it never says where {missing} is; say so with --start" if missing else "it holds no move"
+            going = places.follow(kept, words, modal, modes, self._text.line)
+            for letter, value in words:
+                if letter == "F" and not modal.other_feed:
+                    self._set_feed(value)
+            self._go(places, going, absolute=Places.presets(words))
+        if displaced is not None and modes.displacing:
+            raise displaced
+        missing = ", ".join(places.unknown)
+        why = "it holds no move"
+        if missing and places.lost_by:
+            why = (
+                f"behind {places.lost_by} it never says where {missing} is: what that block leaves behind is not known "
+                "here; let an absolute move of each axis follow it"
+            )
+        elif missing:
+            why = f"it never says where {missing} is; say so with --start"
         raise ProgramError(f"the program cannot be turned into binary input operation: {why}")
+
+    def _refuse_modes(self, modes: ModalWatch, places: Places, words: Words) -> None:
+        """Of the first move: it must be a plain one at the control too."""
+        if modes.forbidden:
+            raise self._forbidden(modes)
+        if places.macro:
+            raise self._text.refusal(f"moves while {places.macro!r} calls a macro with every move: G67 ends that")
+        if self._modal.other_feed:
+            raise self._text.refusal(
+                f"moves while the feed is that of {self._modal.other_feed}: only feed per minute (G94) is read"
+            )
+        said = Modal(unsaid=dict(self._modal.unsaid))
+        for letter, value in words:
+            if letter == "G":
+                said.take(float(value))
+                said.take_feed_kind(float(value))
+        for mode, line in said.unsaid.items():
+            if mode != "plane":
+                raise self._text.refusal(
+                    f"moves, and the subprogram called in line {line} may have changed {MODES[mode]}: say it again "
+                    "behind the call"
+                )
+
+    def _forbidden(self, modes: ModalWatch) -> ProgramError:
+        named = ", ".join(modes.forbidden)
+        return self._text.refusal(f"would be binary input operation while {named} is on: an alarm (9.3)")
+
+    def _go(self, places: Places, going: Words, *, absolute: bool) -> None:
+        unsaid = self._modal.unsaid
+        for axis, value in going:
+            here, length = places.at[axis], self._length(axis, value)
+            if "units" in unsaid or ("distance" in unsaid and not absolute):
+                places.at[axis] = None
+            elif absolute or not self._modal.incremental:
+                places.at[axis] = length
+            elif here is not None:
+                places.at[axis] = here + length
+
+    def _is_plain_move(self, words: Words) -> bool:
+        codes = [float(value) for letter, value in words if letter == "G"]
+        others = any(letter not in "GNFIJKR" and letter not in self._place for letter, _ in words)
+        moves = any(letter in self._place for letter, _ in words)
+        motion = next((code for code in codes if code in (0, 1, 2, 3)), self._modal.motion)
+        return moves and motion is not None and not others and all(is_plain(code) for code in codes)
 
     def _keep(self, blocks: list[str], kept: str) -> None:
         if len(blocks) >= MOST_KEPT_BLOCKS:
-            raise self._refusal(f"is the block number {MOST_KEPT_BLOCKS + 1:,} without a move of known place")
-        if find_g05(kept.encode("latin-1", "replace")) is not None:
-            raise self._refusal("is G05 already: take it out, or decode the section that follows")
+            raise self._text.refusal(f"is the block number {MOST_KEPT_BLOCKS + 1:,} without a move of known place")
+        text = kept.encode("latin-1", "replace")
+        if find_g05(text) is not None or find_g05_with_point(text) is not None:
+            raise self._text.refusal("is G05 already: take it out, or decode the section that follows")
         blocks.append(kept)
-
-    def _is_plain_move(self, words: _Words) -> bool:
-        codes = [self._value(value) for letter, value in words if letter == "G"]
-        others = any(letter not in "GNFIJKR" and letter not in self._place for letter, _ in words)
-        moves = any(letter in self._place for letter, _ in words)
-        motion = next((code for code in codes if code in (0, 1, 2, 3)), self._motion)
-        known = all(code in (0, 1, 2, 3) or code in _WITHOUT_MOTION for code in codes)
-        return moves and motion is not None and known and not others
-
-    def _follow(self, words: _Words) -> None:
-        """What a block of the header does to the modes and to the place, as far as it says so."""
-        codes = {self._value(value) for letter, value in words if letter == "G"}
-        for code in codes:
-            self._modal(code)
-        if codes & _PLACE_LOST:
-            self._place = dict.fromkeys(self._place)
-            return
-        self._change_coordinates(codes)
-        for letter, value in words:
-            if letter == "F":
-                self._set_feed(value)
-            if letter in self._place:
-                here = self._place[letter]
-                length = self._length(letter, value)
-                if not self._incremental:
-                    self._place[letter] = length
-                elif here is not None:
-                    self._place[letter] = here + length
-
-    def _change_coordinates(self, codes: set[float]) -> None:
-        """Of a block of the header: in another work coordinate system the numbers of before mean other places."""
-        for code in codes & _WORK_COORDINATES:
-            if self._work_coordinate not in (None, code):
-                self._place = dict.fromkeys(self._place)
-            self._work_coordinate = code
-        for code in codes & {93.0, 94.0, 95.0}:
-            self._feed_kind = code
 
     # blocks among the moves
 
-    def _take(self, kept: str, words: _Words, ends: list[tuple[float, ...]], speeds: list[float]) -> None:
+    def _plain_run(self) -> Moves | None:
+        """The run of plain moves that follows, if it is worth it."""
+        modal, text = self._modal, self._text
+        if self._trailer_line or text.line < self._one_by_one:
+            return None
+        if modal.motion not in (0.0, 1.0) or (self._reading.rotary and self._scale != 1.0):
+            return None
+        run = text.run(self._runs.pattern)
+        lines = run.count("\n")
+        self._one_by_one = text.line + lines
+        if lines < SHORTEST_RUN:
+            return None
+        nan = math.nan
+        before = [modal.motion, *[nan] * len(self._place), nan if modal.feed is None else modal.feed]
+        read = self._runs.read(run, before)
+        fed = read.motions == 1.0
+        if not (read.feeds[fed] > 0).all():
+            return None
+        text.take(run, lines)
+        scale = self._scale
+        here = np.array(list(self._place.values()), np.float64)
+        if modal.incremental:
+            ends = np.cumsum(np.concatenate([here[None], np.nan_to_num(read.said * scale)]), axis=0)[1:]
+        else:
+            ends = np.where(np.isnan(read.carried), here, read.carried * scale)
+        self._place.update(zip(self._place, ends[-1].tolist(), strict=True))
+        modal.motion = float(read.motions[-1])
+        if read.feed_word:
+            modal.feed, modal.feed_word = float(read.feeds[-1]), read.feed_word
+        return Moves(ends=ends, speeds=np.where(fed, read.feeds / 60 * scale, np.inf))
+
+    def _take(self, kept: str, words: Words, ends: list[tuple[float, ...]], speeds: list[float]) -> None:
         targets: dict[str, str] = {}
         arc: dict[str, str] = {}
         is_text = False
@@ -203,7 +225,7 @@ class NcReader:
             elif letter in "IJKR":
                 arc[letter] = value
             elif letter == "G":
-                is_text = not self._modal(self._value(value)) or is_text
+                is_text = not self._modal.take(float(value)) or is_text
             elif letter == "F":
                 self._set_feed(value)
             elif letter != "N":
@@ -217,12 +239,12 @@ class NcReader:
     def _leave(self, kept: str, *, plain_move: bool) -> None:
         """From here on it is text."""
         if not self._trailer_line:
-            self._trailer_line = self._number
+            self._trailer_line = self._text.line
             self._keep(self.trailer, self._modal_words())
         self._keep(self.trailer, kept)
         self._moves_home += plain_move
         if self._moves_home > MOST_MOVES_HOME:
-            raise self._refusal_at(
+            raise refusal_at(
                 self._trailer_line,
                 f"{self.trailer[1]!r} is more than a move, and over {MOST_MOVES_HOME} moves follow: in binary input "
                 "operation there is nothing but motion; put it elsewhere, or plan the parts one by one",
@@ -230,50 +252,52 @@ class NcReader:
 
     def _modal_words(self) -> str:
         """What the control does not know by itself when binary input operation ends: it has seen none of the moves."""
-        if self._motion in (2.0, 3.0):
-            raise self._refusal("follows an arc without a straight move between: say G00 or G01 before it")
-        words = (
-            f"G{int(self._motion or 0):02d}G{self._plane}G{20 if self._inch else 21}G{91 if self._incremental else 90}"
-        )
-        return words + (f"F{self._feed_word}" if self._feed_word else "")
-
-    def _modal(self, code: float) -> bool:
-        """False for a code that is none of the moves'."""
-        if code in (0.0, 1.0, 2.0, 3.0):
-            self._motion = code
-        elif code in (17.0, 18.0, 19.0):
-            self._plane = int(code)
-        elif code in (20.0, 21.0):
-            self._inch = code == 20.0
-        elif code in (90.0, 91.0):
-            self._incremental = code == 91.0
-        else:
-            return code in _WITHOUT_MOTION
-        return True
+        modal = self._modal
+        if modal.motion in (2.0, 3.0):
+            raise self._text.refusal("follows an arc without a straight move between: say G00 or G01 before it")
+        plane = "" if "plane" in modal.unsaid else f"G{modal.plane}"
+        distance = 91 if modal.incremental else 90
+        words = f"G{int(modal.motion or 0):02d}{plane}G{20 if modal.inch else 21}G{distance}"
+        return words + (f"F{modal.feed_word}" if modal.feed_word else "")
 
     def _move(
         self, targets: dict[str, str], arc: dict[str, str], ends: list[tuple[float, ...]], speeds: list[float]
     ) -> None:
-        if arc and self._motion in (0.0, 1.0):
-            raise self._refusal(f"has {', '.join(sorted(arc))} in a straight move: that belongs to G02 and G03")
-        place = self._place
-        before = tuple(place.values()) if self._motion in (2.0, 3.0) else ()
+        place, motion = self._place, self._modal.motion
+        if arc and motion in (0.0, 1.0):
+            raise self._text.refusal(f"has {', '.join(sorted(arc))} in a straight move: that belongs to G02 and G03")
+        before = tuple(place.values())
         for axis, value in targets.items():
             length = self._length(axis, value)
-            place[axis] = place[axis] + length if self._incremental else length  # type: ignore[operator]
-        if self._motion == 0.0:
+            place[axis] = place[axis] + length if self._modal.incremental else length  # type: ignore[operator]
+        if motion is None:
+            raise self._text.refusal("moves before any of G00, G01, G02 and G03")
+        if motion == 0.0:
             speeds.append(np.inf)
             ends.append(tuple(place.values()))  # type: ignore[arg-type]
-            return
-        if self._motion is None:
-            raise self._refusal("moves before any of G00, G01, G02 and G03")
-        if self._feed is None:
-            raise self._refusal("moves at a feed that no F has given")
-        if self._motion == 1.0:
-            speeds.append(self._feed)
+        elif self._modal.feed is None:
+            raise self._text.refusal("moves at a feed that no F has given, or one before the change of G20 and G21")
+        elif motion == 1.0:
+            speeds.append(self._modal.feed / 60 * self._feed_scale(before))
             ends.append(tuple(place.values()))  # type: ignore[arg-type]
-            return
-        self._arc(before, arc, ends, speeds)
+        else:
+            self._arc(before, arc, ends, speeds)
+
+    def _feed_scale(self, before: tuple[float | None, ...]) -> float:
+        """What the feed is multiplied by for units of the machine.
+
+        A feed is along the path of the program, in which degrees count like its millimetres or inches: a rotary axis
+        alone turns so many degrees, whatever G20 and G21 say.
+        """
+        scale, rotary = self._scale, self._reading.rotary
+        if scale == 1.0 or not rotary:
+            return scale
+        ways = {
+            axis: (value or 0.0) - (old or 0.0) for (axis, value), old in zip(self._place.items(), before, strict=True)
+        }
+        here = math.hypot(*ways.values())
+        said = math.hypot(*(way if axis in rotary else way / scale for axis, way in ways.items()))
+        return here / said if said else scale
 
     def _arc(
         self,
@@ -282,10 +306,16 @@ class NcReader:
         ends: list[tuple[float, ...]],
         speeds: list[float],
     ) -> None:
-        assert self._feed is not None
+        modal = self._modal
+        assert modal.feed is not None
+        if "plane" in modal.unsaid:
+            raise self._text.refusal(
+                f"is an arc, and the subprogram called in line {modal.unsaid['plane']} may have changed "
+                f"{MODES['plane']}: say it again behind the call"
+            )
         arc = Arc(
-            clockwise=self._motion == 2.0,
-            plane=self._plane,
+            clockwise=modal.motion == 2.0,
+            plane=modal.plane,
             offsets={letter: self._length(letter, value) for letter, value in words.items()},
         )
         try:
@@ -294,46 +324,34 @@ class NcReader:
                 dict(zip(self._place, (value or 0.0 for value in before), strict=True)),
                 {axis: value or 0.0 for axis, value in self._place.items()},
                 self._reading.chord_error,
+                RADIUS_ERROR_MM / (MM_PER_INCH if self._reading.inch_machine else 1.0),
             )
         except ProgramError as error:
-            raise self._refusal(str(error)) from None
+            raise self._text.refusal(str(error)) from None
         ends.extend(made)
-        speeds.extend([self._feed * longer] * len(made))
+        speeds.extend([modal.feed / 60 * self._scale * longer] * len(made))
 
     # numbers
 
-    def _value(self, text: str) -> float:
-        try:
-            return float(text)
-        except ValueError:
-            raise self._refusal("has a letter without a number") from None
-
     def _length(self, letter: str, text: str) -> float:
         """In units of the machine. Without a point it counts increments."""
-        value = self._value(text)
+        value = float(text)
         rotary = letter in self._reading.rotary
         if "." not in text:
-            value /= 10.0 ** (self._reading.decimals + (self._inch and not rotary))
+            value /= 10.0 ** (self._reading.decimals + (self._modal.inch and not rotary))
         return value if rotary else value * self._scale
 
     @property
     def _scale(self) -> float:
-        if self._inch == self._reading.inch_machine:
+        if self._modal.inch == self._reading.inch_machine:
             return 1.0
-        return MM_PER_INCH if self._inch else 1 / MM_PER_INCH
+        return MM_PER_INCH if self._modal.inch else 1 / MM_PER_INCH
 
     def _set_feed(self, text: str) -> None:
-        feed = self._value(text) * self._scale / 60
+        feed = float(text)
         if not feed > 0:
-            raise self._refusal(f"has the feed F{text}: it is above 0")
-        self._feed, self._feed_word = feed, text
-
-    def _refusal(self, why: str) -> ProgramError:
-        return self._refusal_at(self._number, why)
-
-    @staticmethod
-    def _refusal_at(line: int, why: str) -> ProgramError:
-        return ProgramError(f"line {line}: {why}", line=line)
+            raise self._text.refusal(f"has the feed F{text}: it is above 0")
+        self._modal.feed, self._modal.feed_word = feed, text
 
 
 def _moves(ends: list[tuple[float, ...]], speeds: list[float]) -> Moves:

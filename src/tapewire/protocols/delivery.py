@@ -57,7 +57,8 @@ class Delivery:
             pace = min(SLOWEST, (now - self._log[-1][0]) // count)
             self._pace = min(self._pace or pace, pace)
         self._log.append((now, self.sent - self.in_flight))
-        while len(self._log) > 1 and self._log[1][0] <= now - self._heard_late:
+        heard = now - self._heard_late
+        while len(self._log) > 1 and self._log[1][0] <= heard:
             self._log.popleft()
 
     def call_back(self, count: int) -> None:
@@ -68,7 +69,8 @@ class Delivery:
 
     def certain(self, now: Nanos) -> int:
         """Characters the control certainly had when it said what is heard at `now`."""
-        certain = [left for at, left in self._log if at <= now - self._heard_late]
+        heard = now - self._heard_late
+        certain = [left for at, left in self._log if at <= heard]
         return certain[-1] if certain else 0
 
     @property

@@ -30,6 +30,10 @@ class Switch(StrEnum):
     ON = "on"
     OFF = "off"
 
+    @property
+    def other(self) -> Switch:
+        return Switch.OFF if self is Switch.ON else Switch.ON
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Form:

@@ -12,6 +12,7 @@ from typing import Final
 
 from tapewire.engine import SECOND, Alarm, CncEngine, Event, Events, Nanos, Sink
 from tapewire.fanuc.alarms import text_of
+from tapewire.protocols.settings import Switch
 from tapewire.sim.binary_operation import BinaryOperation
 from tapewire.sim.program_flow import After, ProgramFlow
 
@@ -67,7 +68,7 @@ class Control:
         flow: ProgramFlow | None = None,
     ) -> None:
         self._engine = engine
-        self._sink = sink
+        self.sink = sink
         if blocks_per_second is not None:
             each = round(SECOND / blocks_per_second)
             block_time = lambda block: each  # noqa: E731
@@ -75,9 +76,9 @@ class Control:
         self._eob = eob
         self._acts: list[tuple[int, Callable[[Nanos], None]]] = []
         if reset_after is not None:
-            self._acts.append((reset_after, engine.reset))
+            self.at(reset_after, self.reset)
         if alarm_after is not None:
-            self._acts.append((alarm_after, engine.alarm))
+            self.at(alarm_after, self.alarm)
         self.binary = binary
         self._send_buffer = bytearray()
         self._block_done: Nanos | None = None
@@ -86,6 +87,9 @@ class Control:
         self._rest_of_block: Nanos = 0
         self.single_block = single_block
         """The operator's switch."""
+        self.stops_among_records = Switch.OFF
+        """Whether single block counts in binary input operation (2007#3, 9.3 note 3)."""
+        self._stopped_behind = 0
         self.motion = Motion.RUNNING
         self.flow = flow
         self.work = Work.EXECUTE
@@ -128,6 +132,10 @@ class Control:
         return self.binary.next_event() if event is None and self.binary is not None else event
 
     # the operator
+
+    def at(self, count: int, act: Callable[[Nanos], None]) -> None:
+        """Have somebody act when `count` bytes of program have been taken, or punched, and no byte more is taken."""
+        self._acts.append((count, act))
 
     def cycle_start(self, now: Nanos) -> None:
         """The control begins to read a program. Raises UsageError where it cannot."""
@@ -177,7 +185,7 @@ class Control:
             room = min(room, max(0, at - self.bytes_taken))
         data = self._engine.take(room, now) if room else b""
         if data:
-            self._sink.write(data)
+            self.sink.write(data)
             self._send_buffer += data
             self.bytes_taken += len(data)
         if self._acts:
@@ -187,7 +195,6 @@ class Control:
     def _act(self, now: Nanos) -> None:
         for entry in [entry for entry in self._acts if entry[0] <= max(self.bytes_taken, self._engine.progress)]:
             self._acts.remove(entry)
-            self._forget()
             entry[1](now)
 
     def _execute(self, now: Nanos) -> bool:
@@ -227,8 +234,15 @@ class Control:
         return self.motion is not Motion.RUNNING
 
     def _begin_record(self, now: Nanos) -> bool:
-        assert self.binary is not None
-        return self.binary.step(self._send_buffer, now)
+        binary = self.binary
+        assert binary is not None
+        is_done = binary.due is not None and binary.due <= now and binary.records_executed != self._stopped_behind
+        if is_done and self.single_block and self.stops_among_records is Switch.ON:
+            self._stopped_behind = binary.records_executed
+            self.motion = Motion.STOPPED
+            binary.hold(now)
+            return True
+        return binary.step(self._send_buffer, now)
 
     def _begin_block(self, began: Nanos) -> bool:
         """The next whole block, or what stands before the end of the program, starts to execute at `began`."""

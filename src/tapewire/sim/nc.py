@@ -1,34 +1,37 @@
 """The control as its operator works it: parameters, devices, program memory, DNC operation, read, punch, PMC, keys.
 
-`Nc` stands on a machine of the simulated world. It knows what the communication does not: which device an operation
-uses (0020 to 0023), what is in the memory, and what the keys mean in the foreground and in the background. What it
-raises itself, before anything goes over the line, is in `alarms`.
+`Nc` stands behind one engine and its `Control`, in the simulated world and on a real line. It knows what the
+communication does not: which device an operation uses (0020 to 0023), what is in the memory, and what the keys mean in
+the foreground and in the background. It is the application of its link, and the sink of what the control takes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import Enum
-from typing import Final, Protocol, cast
+from typing import Any, Final, Protocol, cast
 
 from tapewire.codes import DataCode
-from tapewire.engine import Alarm, Ended, Event, Nanos, Outcome
+from tapewire.engine import Alarm, CncEngine, Ended, Event, Nanos, Notice, Outcome, Source
 from tapewire.errors import UsageError
 from tapewire.fanuc.alarms import AlarmNumber, text_of
-from tapewire.fanuc.host_settings import control_settings, host_settings
+from tapewire.fanuc.conversion import EobForm
 from tapewire.fanuc.parameter_check import ParameterMemory, Weight, check
 from tapewire.fanuc.parameter_file import write_punch
-from tapewire.fanuc.parameters import LINE_NUMBERS, REMOTE_BUFFER_DEVICE, Interface, ParameterSet
-from tapewire.fanuc.program_memory import ProgramMemory, Registration, punch_form, tape_of
+from tapewire.fanuc.parameters import REMOTE_BUFFER_DEVICE, Interface, ParameterSet
+from tapewire.fanuc.program_memory import ProgramMemory, PunchForm, Registration, punch_form, tape_of
 from tapewire.fanuc.punch import PunchReader
 from tapewire.fanuc.tv_check import Comments, TvCheck
 from tapewire.protocols.settings import Switch
-from tapewire.sim.board import Board, Request, watch
-from tapewire.sim.machine import SEND_BUFFER, Motion, Work
-from tapewire.sim.pair import Pair
-from tapewire.sim.program_flow import ProgramFlow
-from tapewire.sim.world import World
+from tapewire.sim.board import Board, Request
+from tapewire.sim.machine import SEND_BUFFER, Control, Work
 
-__all__ = ["Ground", "Nc", "Operation", "nc_of"]
+__all__ = ["Ground", "Nc", "Operation"]
+
+MEMORY_BYTES: Final = 4 << 20
+"""A longer tape is not registered."""
+
+MOST_ALARMS: Final = 20
 
 
 class Ground(Enum):
@@ -58,150 +61,209 @@ class _Images(Protocol):
     def do(self) -> int: ...
 
 
-class _Tape:
-    """What is being punched. STOP ends it once what the control and the remote buffer hold has gone out."""
+class _Bytes:
+    """A tape that is there in one piece."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
-        self.position = 0
+        self._at = 0
+
+    def read(self, size: int) -> bytes:
+        piece = self._data[self._at : self._at + size]
+        self._at += len(piece)
+        return piece
+
+
+class _Tape:
+    """What is being punched. STOP ends it once what the control and the remote buffer hold has gone out."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._position = 0
         self.limit: int | None = None
 
     def read(self, size: int) -> bytes | None:
-        end = self.position + size if self.limit is None else min(self.position + size, self.limit)
-        piece = self._data[self.position : end]
-        self.position += len(piece)
-        return None if not piece and self.limit is not None and self.position < len(self._data) else piece
+        room = size if self.limit is None else min(size, self.limit - self._position)
+        piece = self._source.read(room) if room else None
+        self._position += len(piece or b"")
+        return piece
 
     def stop(self) -> None:
-        self.limit = min(self.position + SEND_BUFFER, len(self._data))
+        self.limit = self._position + SEND_BUFFER
 
 
 class Nc:
-    """One control. `board` is None where no remote buffer is fitted."""
+    """One control. `fitted` is what its remote buffer has, None where none is fitted; `parameters` None: nobody has
+    told them, and every device is the remote buffer. `tell` gets what it has to say beside the events of its engine.
+    """
 
-    def __init__(self, pair: Pair, parameters: ParameterMemory, board: Interface | None) -> None:
-        self.pair = pair
+    def __init__(
+        self,
+        parameters: ParameterMemory | None,
+        fitted: Interface | None,
+        *,
+        tell: Callable[[Event, Nanos], object] = lambda event, now: None,
+    ) -> None:
         self.parameters = parameters
         self.memory = ProgramMemory()
         self.alarms: list[Alarm] = []
-        self._operation = Operation.NONE
-        self._ended = True
+        """What is on the screen, until RESET."""
+        self.selected = Operation.NONE
+        """The operation under way, or the last one."""
         self.ground = Ground.FOREGROUND
         self.registration: Registration | None = None
         """What the last reading has put into the memory."""
-        self.board: Board = watch(pair)
-        self._fitted = board
-        self._read_from = 0
+        self.single_block = Switch.OFF
+        self.optional_stop = Switch.OFF
+        self.communicating = False
+        self.cnc: CncEngine
+        self.control: Control
+        self.board: Board | None
+        self._fitted = fitted
+        self._tell = tell
         self._tape: _Tape | None = None
-        tell = pair.on_cnc_event
+        self._reading: bytearray | None = None
 
-        def on_event(event: Event, now: Nanos) -> None:
-            if tell is not None:
-                tell(event, now)
-            self._heard(event)
-
-        pair.on_cnc_event = on_event
-        pair.on_step = self._step
+    def connect(self, cnc: CncEngine, control: Control, board: Board | None, params: Any) -> None:
+        """Work by this engine from now on. `params` are its protocol's; a control without a board has no memory that
+        tapes are registered in."""
+        self.cnc, self.control, self.board = cnc, control, board
+        self._code = getattr(params, "data", DataCode.ASCII)
+        self._posts = getattr(params, "posting", Switch.OFF) is Switch.ON
+        self._sink, control.sink = control.sink, self
+        self.communicating, self._tape, self._reading = False, None, None
+        self._apply_switches()
 
     # operations
 
     @property
     def operation(self) -> Operation:
         """DNC operation goes on until what was taken has been executed, though the communication is over."""
-        executing = self._operation is Operation.DNC and not self.pair.control.idle
-        return Operation.NONE if self._ended and not executing else self._operation
+        executing = self.selected is Operation.DNC and not self.control.idle
+        return self.selected if self.communicating or executing else Operation.NONE
 
     def cycle_start(self, now: Nanos) -> None:
         """CYCLE START: go on where the control stands still, or begin DNC operation through the input device."""
-        if self._operation is Operation.DNC and self.pair.control.motion is not Motion.RUNNING:
-            self.pair.control.go(now)
-        elif self._ready(_INPUT[Ground.FOREGROUND]):
+        if self.operation is Operation.DNC and not self.alarms:
+            self.control.go(now)
+        elif self.may_begin(Operation.DNC, Ground.FOREGROUND, now):
             self._take_in(Operation.DNC, Ground.FOREGROUND, Work.EXECUTE, now)
 
     def read(self, now: Nanos, ground: Ground = Ground.FOREGROUND) -> None:
         """Read a tape into the memory (8.2)."""
-        if self._ready(_INPUT[ground]):
-            self._read_from = len(self.pair.program.getvalue())
+        if self.may_begin(Operation.READ, ground, now):
             self._take_in(Operation.READ, ground, Work.STORE, now)
+            self._reading = bytearray() if self.board is not None else None
 
     def punch_programs(self, now: Nanos, *numbers: int, ground: Ground = Ground.FOREGROUND) -> None:
         """Punch these programs, or all. Raises UsageError for one that is not there."""
-        self._punch(self.memory.text(numbers), now, ground)
+        self.punch(_Bytes(tape_of(self.memory.text(numbers), self._form)), now, ground)
 
     def punch_parameters(self, now: Nanos, ground: Ground = Ground.FOREGROUND) -> None:
-        """Punch the parameters of chapter 10 as they were entered."""
-        self._punch(write_punch(self.parameters.entered).rstrip("\n").encode(), now, ground)
+        """Punch the parameters of chapter 10 as they were entered. Raises UsageError where there are none."""
+        if self.parameters is None:
+            raise UsageError("nobody has told the control its parameters: there are none to punch")
+        text = write_punch(self.parameters.entered).rstrip("\n").encode()
+        self.punch(_Bytes(tape_of(text, self._form)), now, ground)
+
+    def punch(self, source: Source, now: Nanos, ground: Ground = Ground.FOREGROUND) -> None:
+        """Punch what `source` has, as it is."""
+        if self.may_begin(Operation.PUNCH, ground, now):
+            self._tape = _Tape(source)
+            self.cnc.punch(self._tape, now)
+            self._begin(Operation.PUNCH, ground, Request.PUNCH)
+
+    def refuse_device(self, operation: Operation, ground: Ground) -> None:
+        """Raises UsageError where `operation` would find another device than the remote buffer, or SR807."""
+        wrong = [] if self.parameters is None else self._wrong(self.parameters.in_force, operation, ground)
+        if wrong:
+            raise UsageError(f"{AlarmNumber.SR807} {text_of(AlarmNumber.SR807, '; '.join(wrong))}")
+
+    @property
+    def _form(self) -> PunchForm:
+        if self.parameters is None:
+            return PunchForm(code=self._code, eob=EobForm.LF, feed=0)
+        return punch_form(self.parameters.in_force)
 
     def _take_in(self, operation: Operation, ground: Ground, work: Work, now: Nanos) -> None:
-        self._require_free()
-        self.pair.control.cycle_start(now)
-        self.pair.control.work = work
-        self._operation, self.ground, self._ended = operation, ground, False
-        self.board.asked(Request.READ)
+        self.control.cycle_start(now)
+        self.control.work = work
+        self._begin(operation, ground, Request.READ)
 
-    def _punch(self, text: bytes, now: Nanos, ground: Ground) -> None:
-        if self._ready(_OUTPUT[ground]):
-            self._require_free()
-            tape = _Tape(tape_of(text, punch_form(self.parameters.in_force)))
-            self.pair.cnc.punch(tape, now)
-            self._tape = tape
-            self._operation, self.ground, self._ended = Operation.PUNCH, ground, False
-            self.board.asked(Request.PUNCH)
+    def _begin(self, operation: Operation, ground: Ground, request: Request) -> None:
+        self.selected, self.ground, self.communicating, self._reading = operation, ground, True, None
+        self._apply_switches()
+        self._ask(request)
 
-    def _require_free(self) -> None:
+    def may_begin(self, operation: Operation, ground: Ground, now: Nanos) -> bool:
+        """The control is free, and the device is the remote buffer, and works; else SR807. Raises UsageError."""
+        if self.alarms:
+            raise UsageError("an alarm is on: RESET first")
         if self.operation is not Operation.NONE:
-            raise UsageError(f"the remote buffer is at work: {self.operation.value}, in the {self.ground.value}")
+            text = f"the remote buffer is at work: {self.operation.value}, in the {self.ground.value}"
+            raise UsageError(f"{text}: wait for its end, or RESET")
+        wrong = [] if self.parameters is None else self._wrong(self.parameters.in_force, operation, ground)
+        if wrong:
+            self._raise(AlarmNumber.SR807, "; ".join(wrong), now)
+        return not wrong
 
-    def _ready(self, device: int) -> bool:
-        """The device is the remote buffer, and works; else SR807. Raises UsageError for another device."""
-        values = self.parameters.in_force
+    def _wrong(self, values: ParameterSet, operation: Operation, ground: Ground) -> list[str]:
+        device = (_OUTPUT if operation is Operation.PUNCH else _INPUT)[ground]
         number = values.get(device)
         if number is not None and number != REMOTE_BUFFER_DEVICE:
             raise UsageError(f"No. {device:04d} is {number}: this control has the remote buffer alone, which is 10")
         wrong = [finding.text for finding in check(values, self._fitted) if finding.weight is Weight.ALARM]
-        if self._fitted is None:
-            wrong = wrong or ["the remote buffer is not fitted"]
-        if wrong:
-            self.alarms.append(Alarm(number=AlarmNumber.SR807, text=text_of(AlarmNumber.SR807, "; ".join(wrong))))
-        return not wrong
+        return wrong or (["the remote buffer is not fitted"] if self._fitted is None else [])
 
     # keys and switches
 
     def feed_hold(self, now: Nanos) -> None:
-        self.pair.control.feed_hold(now)
+        if self.operation is Operation.DNC:
+            self.control.feed_hold(now)
 
     def reset(self, now: Nanos) -> None:
-        """RESET. In the background it does not end a communication that posts (6.4 note 1 (2))."""
+        """RESET clears the alarms and ends the operation; what was taken and not executed is lost (8.2). In the
+        background it does not end a communication that posts (6.4 note 1 (2))."""
+        self.alarms.clear()
         if self.operation is not Operation.NONE and self.ground is Ground.BACKGROUND and self._posts:
             return
-        self.pair.control.reset(now)
-        self.board.asked(Request.RESET)
+        self.give_up(now)
+
+    def give_up(self, now: Nanos) -> None:
+        """End whatever is under way, in the background too."""
+        self.control.reset(now)
+        self._ask(Request.RESET)
 
     def stop(self, now: Nanos) -> None:
         """The soft key STOP. A punch-out ends when what is in the buffers has gone out (6.4 note 2)."""
         if self._tape is not None and self.operation is Operation.PUNCH:
             self._tape.stop()
         elif self.operation is not Operation.NONE:
-            self.pair.control.reset(now)
-            self.board.asked(Request.RESET)
+            self.give_up(now)
 
-    @property
-    def optional_stop(self) -> Switch:
-        flow = self.pair.control.flow
-        return Switch.OFF if flow is None else flow.optional_stop
+    def alarm(self, now: Nanos) -> None:
+        """The control goes to alarm for a reason of its own."""
+        self.control.alarm(now)
+        self._ask(Request.ALARM)
 
-    @optional_stop.setter
-    def optional_stop(self, switch: Switch) -> None:
-        if self.pair.control.flow is not None:
-            self.pair.control.flow.optional_stop = switch
+    def turn_single_block(self, switch: Switch) -> None:
+        self.single_block = switch
+        self._apply_switches()
 
-    @property
-    def _posts(self) -> bool:
-        """5000#3 with protocol B."""
-        values = self.parameters.in_force
-        interface = self._fitted
-        uses_b = interface is not None and values.get(LINE_NUMBERS[interface].protocol) in (1, 2)
-        return uses_b and bool(values.bit(5000, 3))
+    def turn_optional_stop(self, switch: Switch) -> None:
+        self.optional_stop = switch
+        self._apply_switches()
+
+    def _apply_switches(self) -> None:
+        self.control.single_block = self.single_block is Switch.ON
+        among_records = self.parameters is not None and self.parameters.in_force.bit(2007, 3)
+        self.control.stops_among_records = Switch.ON if among_records else Switch.OFF
+        if self.control.flow is not None:
+            self.control.flow.optional_stop = self.optional_stop
+
+    def _ask(self, request: Request) -> None:
+        if self.board is not None:
+            self.board.asked(request)
 
     # the PMC
 
@@ -220,76 +282,85 @@ class Nc:
         return self._images.do
 
     @property
+    def has_images(self) -> bool:
+        return hasattr(self.cnc, "do")
+
+    @property
     def _images(self) -> _Images:
-        if not hasattr(self.pair.cnc, "do"):
-            raise UsageError(f"{self.pair.entry.title} carries no DI and no DO: that is protocol A")
-        return cast(_Images, self.pair.cnc)
+        if not self.has_images:
+            raise UsageError("only protocol A carries DI and DO: this control has none")
+        return cast(_Images, self.cnc)
+
+    # as the application of its link, and as a sink
+
+    def step(self, now: Nanos) -> None:
+        self.control.step(now)
+        self.step_behind(now)
+
+    def step_behind(self, now: Nanos) -> None:
+        """What is due when the control has been stepped."""
+        tape = self._tape
+        if tape is not None and tape.limit is not None and self.cnc.progress >= tape.limit:
+            self._tape = None
+            self.control.reset(now)
+
+    def next_deadline(self) -> Nanos | None:
+        return self.control.next_deadline()
+
+    def next_event(self) -> Event | None:
+        return self.control.next_event()
+
+    def write(self, data: bytes) -> object:
+        """What the control takes out of the buffer."""
+        self._sink.write(data)
+        if self._reading is not None and len(self._reading) <= MEMORY_BYTES:
+            self._reading += data
+        return None
 
     # what becomes of it
 
-    def _heard(self, event: Event) -> None:
-        if not isinstance(event, Ended):
-            return
-        if self._operation is Operation.READ and event.outcome is Outcome.COMPLETE:
-            self._register()
-        self._ended = True
-        self._tape = None
+    def heard(self, event: Event, now: Nanos) -> None:
+        """An event of the engine, or of the control."""
+        if isinstance(event, Alarm):
+            self.show(event)
+            self.control.feed_hold(now)
+        elif isinstance(event, Ended):
+            reading, self._reading = self._reading, None
+            self.communicating, self._tape = False, None
+            if reading is not None and event.outcome is Outcome.COMPLETE:
+                self._register(bytes(reading), now)
 
-    def _register(self) -> None:
+    def _register(self, tape: bytes, now: Nanos) -> None:
         """A damaged tape is not registered, nor one that fails the TV check (0000#0); the manual has no number for
         either alarm."""
-        code = DataCode(self.pair.cnc_params.data)
-        tape = self.pair.program.getvalue()[self._read_from :]
         text = bytearray()
-        reader = PunchReader(code, text.extend)
+        reader = PunchReader(self._code, text.extend)
         reader.feed(tape)
-        faults = [str(damage) for damage in reader.finish()] or self._tv_failures(tape, code)
-        if faults:
-            self.registration = Registration(registered=(), refused=tuple(faults))
-            return
-        self.registration = self.memory.read(bytes(text))
-        if self.registration.alarm is not None:
-            alarm = Alarm(number=self.registration.alarm, text="; ".join(self.registration.refused))
-            self.alarms.append(alarm)
+        faults = [str(damage) for damage in reader.finish()] or self._tv_failures(tape)
+        if len(tape) > MEMORY_BYTES:
+            faults = [f"a tape of more than {MEMORY_BYTES:,} bytes"]
+        done = Registration(registered=(), refused=tuple(faults)) if faults else self.memory.read(bytes(text))
+        self.registration = done
+        for why in done.refused:
+            self._tell(Notice(text=f"not registered: {why}"), now)
+        if done.registered:
+            numbers = ", ".join(f"O{number:04d}" for number in done.registered)
+            self._tell(Notice(text=f"registered {numbers}"), now)
+        if done.alarm is not None:
+            self._raise(done.alarm, "; ".join(done.refused), now)
 
-    def _tv_failures(self, tape: bytes, code: DataCode) -> list[str]:
-        values = self.parameters.in_force
+    def _tv_failures(self, tape: bytes) -> list[str]:
+        values = ParameterSet() if self.parameters is None else self.parameters.in_force
         if not values.bit(0, 0):
             return []
         comments = Comments.NOT_COUNTED if values.bit(0, 1) else Comments.COUNTED
-        return [str(failure) for failure in TvCheck(code, comments=comments).feed(tape)]
+        return [str(failure) for failure in TvCheck(self._code, comments=comments).feed(tape)]
 
-    def _step(self, now: Nanos) -> None:
-        tape = self._tape
-        if tape is not None and tape.limit is not None and self.pair.cnc.progress >= tape.limit:
-            self._tape = None
-            self.pair.control.reset(now)
+    def _raise(self, number: AlarmNumber, what: str, now: Nanos) -> None:
+        alarm = Alarm(number=number, text=text_of(number, what))
+        self.show(alarm)
+        self._tell(alarm, now)
 
-
-def nc_of(
-    world: World,
-    parameters: ParameterSet,
-    board: Interface,
-    *,
-    flow: ProgramFlow | None = None,
-    protocol: str | None = None,
-    **operator: object,
-) -> Nc:
-    """A control with these parameters, and the host that suits it, on a cable. Raises UsageError where none does.
-
-    `flow` None obeys the M codes and executes every block. `operator` goes to `World.pair`.
-    """
-    memory = ParameterMemory(parameters, board)
-    host = host_settings(memory.in_force, board=board, protocol=protocol)
-    control = control_settings(memory.in_force, board)
-    words = {**host.settings, **({} if host.data_to_control is None else {"data": str(host.data_to_control)})}
-    flow = flow or ProgramFlow(DataCode(control.settings["data"]))
-    pair = world.pair(
-        host.protocol,
-        baud=host.baud,
-        host_settings=words,
-        cnc_settings=dict(control.settings),
-        flow=flow,
-        **operator,  # type: ignore[arg-type]
-    )
-    return Nc(pair, memory, board)
+    def show(self, alarm: Alarm) -> None:
+        """Put it on the screen, behind those that are there."""
+        self.alarms = [*self.alarms, alarm][-MOST_ALARMS:]

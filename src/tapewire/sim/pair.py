@@ -62,7 +62,7 @@ class Side:
                 self._due = wanted + self.late()
             assert self._due is not None
             wanted = self._due
-        return max(wanted, self.asleep_until)
+        return wanted if wanted > self.asleep_until else self.asleep_until
 
 
 @dataclass(slots=True)

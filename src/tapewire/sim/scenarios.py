@@ -31,6 +31,9 @@ LARGE_SHARE: Final = 0.25
 SHORT_LOAD_BYTES: Final = 12_000
 """REMOTE LOAD carries no more (2.1.1)."""
 
+LOOKED_AT: Final[Nanos] = 25 * MILLISECOND
+"""A control looks at its receiver so often at the least: hosts take it that they hear of everything within 100 ms."""
+
 BLOCK_BYTES: Final = 30
 """Characters of a block of the programs, about."""
 
@@ -205,7 +208,7 @@ def draw(protocol: str, preset: str, seed: int, *, path: str | None = None, punc
     size = _size(draws)
     if settings.cnc.get("mode") == "L" or settings.cnc.get("program") == "-1":
         size = min(size, SHORT_LOAD_BYTES - draws.between(0, 500))
-    baud = draws.choice(_BAUDS[protocol])
+    baud = _baud(draws, protocol, size)
     path = path or draws.choice(_PATHS)
     speed, override = _speed(draws, baud)
     span = size * character_time(baud) + 2 * SECOND
@@ -221,7 +224,7 @@ def draw(protocol: str, preset: str, seed: int, *, path: str | None = None, punc
         has_signals=path != "serial-server" and draws.happens(0.9),
         parity=draws.happens(0.75),
         settings=settings,
-        grain=draws.choice((1, 8, 16, 32, 64, 128, 128)) if size < SMALL_BYTES else draws.choice((16, 64, 128, 128)),
+        grain=_grain(draws, size, baud),
         cnc_window=_cnc_window(draws, protocol, settings, size, direction),
         window=_wide_window(draws, protocol, baud, size, direction, path),
         late=draws.choice((0, 0, 1, 15)) * MILLISECOND,
@@ -232,6 +235,21 @@ def draw(protocol: str, preset: str, seed: int, *, path: str | None = None, punc
         acts=_acts(draws, span, direction),
         finish=draws.choice((Finish.LEAVE, Finish.LEAVE, Finish.START_UNARMED, Finish.START_AGAIN)),
     )
+
+
+def _baud(draws: Draws, protocol: str, size: int) -> int:
+    """Few send a large program at the least rate: 64 KB at 300 baud take forty minutes."""
+    rates = _BAUDS[protocol]
+    rate = draws.choice(rates)
+    if rate == rates[0] and size > SMALL_BYTES and draws.happens(0.9):
+        return draws.choice(rates[1:])
+    return rate
+
+
+def _grain(draws: Draws, size: int, baud: int) -> int:
+    """What the control's UART tells at once; on a slow line the control looks before so much has come."""
+    grain = draws.choice((1, 8, 16, 32, 64, 128, 128) if size < SMALL_BYTES else (16, 64, 128, 128))
+    return min(grain, max(1, LOOKED_AT // character_time(baud)))
 
 
 def _cnc_window(draws: Draws, protocol: str, settings: Settings, size: int, direction: Direction) -> int:

@@ -265,6 +265,9 @@ class Excuses:
             return dark
         if self._is_b and self._is_silent_alarm(job):
             return "an alarm that is told only at RESET (6.4 note 1)"
+        unseen = self._unseen(Wire.FROM_HOST, job)
+        if self._sends and wait.moving and self._scenario.override is not None and unseen:
+            return "a damaged block that takes hours"
         if self._is_b and self._looks_like_a_stop(wait):
             return "a reset that looks like a stop: no posting, and ER unseen"
         if wait.said != wait.heard and self._touched(job):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from tapewire.line.capture_file import CaptureSettings
@@ -17,6 +18,7 @@ from tapewire.protocols.settings import End
 from tapewire.transfer import control, receiving, sending
 from tapewire.transfer.control import ControlTask
 from tapewire.transfer.program import Program
+from tapewire.transfer.reopening import WhenLost
 from tapewire.transfer.reports import Observer, Result, nothing
 from tapewire.transfer.session import JobSettings, settings_for
 
@@ -60,10 +62,14 @@ async def receive(
     capture: str | Path | None = None,
     observer: Observer = nothing,
     stop: asyncio.Event | None = None,
+    when_lost: WhenLost = WhenLost.END,
 ) -> Result:
-    """Store what one control punches out next in `file`; `force` replaces an existing one."""
+    """Store what one control punches out next in `file`; `force` replaces an existing one.
+
+    With WAIT a line that is lost before the punch-out begins is opened again when it is back.
+    """
     job = _job(End.HOST, line, protocol, baud, stopbits, settings, timeout_s, capture, observer, stop)
-    return await receiving.receive_program(Path(file), job, raw=raw, force=force)
+    return await receiving.receive_program(Path(file), replace(job, when_lost=when_lost), raw=raw, force=force)
 
 
 async def run_control(

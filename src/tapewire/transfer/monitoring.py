@@ -22,6 +22,7 @@ from tapewire.line.transport import Closed, Fault, LineItem
 from tapewire.transfer.capturing import JobCapture
 from tapewire.transfer.decoding.entry import Entry
 from tapewire.transfer.decoding.recognise import Asked, Stream
+from tapewire.transfer.reopening import WhenLost, open_when_back
 from tapewire.transfer.reports import Observer, Ready, Result, nothing
 
 __all__ = ["MonitorSettings", "OnEntry", "monitor"]
@@ -69,6 +70,8 @@ class MonitorSettings:
     capture: CaptureSettings | None = None
     observer: Observer = nothing
     on_entry: OnEntry = _nobody
+    when_lost: WhenLost = WhenLost.END
+    """Of either line: both are closed then, and with WAIT opened again when both are there."""
     stop: asyncio.Event = field(default_factory=asyncio.Event)
 
     def __post_init__(self) -> None:
@@ -115,8 +118,9 @@ class _Monitor:
             protocol=settings.asked.protocol or "",
             settings=settings.asked.settings,
         )
-        self._stream = Stream(replace(settings.asked, side=Side.HOST), self._origin, live=True)
-        self._known = self._stream.known
+        self._listen_anew()
+        self._characters = 0
+        self._was_open = False
         self._unix = unix_offset()
         self._seen = ALL_ON
         self._digest = hashlib.sha256()
@@ -127,23 +131,38 @@ class _Monitor:
         self._capture = JobCapture(settings.capture, self._origin, settings.observer)
         failed = True
         try:
-            lines = await self._open()
-            if lines is None:
-                return self._result(None, 0)
-            try:
-                relay = Relay(
-                    dict(zip(settings.sides, lines, strict=True)), settings.damaged, settings.hold, self._hear
-                )
-                self._introduce()
-                await self._watch(relay)
-            finally:
-                for line in lines:
-                    line.close(monotonic())
-            self._conclude(relay)
-            failed = relay.ended is not None and relay.ended.closure is Closure.LOST
-            return self._result(relay.ended, relay.characters)
+            ended = await self._watch_once()
+            while ended is not None and settings.when_lost is WhenLost.WAIT and not settings.stop.is_set():
+                self._note(f"{ended.reason}; opened again when it is back")
+                self._listen_anew()
+                ended = await self._watch_once()
+            failed = ended is not None and ended.closure is Closure.LOST
+            return self._result(ended, self._characters)
         finally:
             await self._capture.close(failed=failed)
+
+    def _listen_anew(self) -> None:
+        """What was said before a line was gone explains nothing of what is said on it afterwards."""
+        self._stream = Stream(replace(self._settings.asked, side=Side.HOST), self._origin, live=True)
+        self._known = self._stream.known
+
+    async def _watch_once(self) -> Closed | None:
+        """Open, watch, close. How a line ended; None when the person has seen enough."""
+        settings = self._settings
+        lines = await self._open()
+        if lines is None:
+            return None
+        self._was_open = True
+        try:
+            relay = Relay(dict(zip(settings.sides, lines, strict=True)), settings.damaged, settings.hold, self._hear)
+            self._introduce()
+            await self._watch(relay)
+        finally:
+            for line in lines:
+                line.close(monotonic())
+        self._characters += relay.characters
+        self._conclude(relay)
+        return relay.ended
 
     async def _open(self) -> list[DescriptorLine] | None:
         """Both lines; None when the person has seen enough before they were there."""
@@ -160,6 +179,11 @@ class _Monitor:
                 await _undo(openings)
 
     async def _open_one(self, address: LineAddress) -> DescriptorLine:
+        if self._was_open:
+            return await open_when_back(lambda: self._open_now(address))
+        return await self._open_now(address)
+
+    async def _open_now(self, address: LineAddress) -> DescriptorLine:
         settings = self._settings
         return await open_line(
             address,

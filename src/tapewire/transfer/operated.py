@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum, StrEnum
@@ -27,16 +28,12 @@ from tapewire.engine import (
     Outcome,
     Requested,
     Resumed,
-    Source,
     Violation,
 )
 from tapewire.errors import LineError, UsageError
 from tapewire.fanuc.alarms import AlarmNumber, text_of
-from tapewire.fanuc.conversion import EobForm
-from tapewire.fanuc.memory import BufferImage
-from tapewire.fanuc.parameters import ParameterSet
-from tapewire.fanuc.program_memory import ProgramMemory, PunchForm, punch_form, tape_of
-from tapewire.fanuc.punch import PunchReader
+from tapewire.fanuc.parameter_check import ParameterMemory, Weight, check
+from tapewire.fanuc.parameters import ParameterSet, PowerRule
 from tapewire.line.driver import LineDriver, monotonic
 from tapewire.line.faults.plan import FaultPlan
 from tapewire.line.link import Link
@@ -45,11 +42,10 @@ from tapewire.line.pacing import default_window
 from tapewire.line.transport import Transport
 from tapewire.protocols.settings import Switch
 from tapewire.sim.binary_operation import binary_operation
-from tapewire.sim.board import Board, Request
-from tapewire.sim.machine import Control, Motion, Work
-from tapewire.sim.program_flow import ProgramFlow
+from tapewire.sim.machine import Control, Motion
+from tapewire.sim.nc import Ground, Nc, Operation
 from tapewire.transfer.capturing import JobCapture
-from tapewire.transfer.control import STOP_CHARACTERS, Operation, Taken, faulty
+from tapewire.transfer.control import STOP_CHARACTERS, Taken, board_of, faulty, flow_for
 from tapewire.transfer.program import Program
 from tapewire.transfer.reports import Ready, Report
 from tapewire.transfer.session import JobSettings, undo
@@ -60,11 +56,7 @@ __all__ = ["OperatedControl", "OperatedTask", "Plug", "RunState"]
 REOPEN_PAUSE_S: Final = 1.0
 """A line that could not be opened again is tried again so long after."""
 
-MEMORY_BYTES: Final = 4 << 20
-"""A longer tape is not registered."""
-
 MOST_MESSAGES: Final = 50
-MOST_ALARMS: Final = 20
 
 
 class RunState(StrEnum):
@@ -86,7 +78,8 @@ class Plug(Enum):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatedTask:
     """What the control is made of. `punch` is a program it punches, None for what is in its memory. `read_params` are
-    the protocol's parameters for reading into the memory, None for those of the job."""
+    the protocol's parameters for reading into the memory, None for those of the job. `parameters` None: nobody has told
+    them; else `job_of` makes the job of a control with these in force, and raises UsageError where there is none."""
 
     blocks_per_second: float
     punch: Program | None = None
@@ -94,7 +87,9 @@ class OperatedTask:
     faults: FaultPlan | None = None
     fault_seed: int = 0
     parameters: ParameterSet | None = None
+    job_of: Callable[[ParameterSet], JobSettings] | None = None
     read_params: Any = None
+    block_check: Switch = Switch.OFF
 
 
 class OperatedControl:
@@ -104,15 +99,14 @@ class OperatedControl:
         self.task = task
         self.job = job.observed_by(self._report, job.stop)
         self.plug = Plug.IN
-        self.alarms: deque[Alarm] = deque(maxlen=MOST_ALARMS)
         self.messages: deque[str] = deque(maxlen=MOST_MESSAGES)
-        self.memory = ProgramMemory()
-        self.single_block = Switch.OFF
-        self.optional_stop = Switch.OFF
-        self.selected = Operation.DNC
-        """The operation under way, or the last one."""
+        fitted = None if task.parameters is None else task.parameters.interface
+        self.parameters = None if task.parameters is None else ParameterMemory(task.parameters, fitted)
+        self.nc = Nc(self.parameters, fitted, tell=self._report)
+        self.ground = Ground.FOREGROUND
+        """Where READ and PUNCH run."""
         self.last: Ended | None = None
-        """How it ended."""
+        """How the last operation ended."""
         self.held = ""
         """Why the host makes a punch-out wait; empty while it does not."""
         self.ready = ""
@@ -121,23 +115,21 @@ class OperatedControl:
         self._driver: LineDriver | None = None
         self._turned = asyncio.Event()
         self._leaving = False
-        self._communicating = False
-        self._reading: bytearray | None = None
+        self._next_job: JobSettings | None = None
         if task.taken is not None:
             task.taken.on_error = self._not_stored
-        self.code = getattr(job.params, "data", DataCode.ASCII)
-        self.text = job.protocol.text(job.params)
-        self.tape = TapeWindow(self.text.eob, 0)
-        self._params = job.params
         self._power_on(job.params)
 
     # what it is
 
     @property
-    def operation(self) -> Operation | None:
-        """DNC operation goes on until what was taken has been executed, though the communication is over."""
-        executing = self.selected is Operation.DNC and not self.control.idle
-        return self.selected if self._communicating or executing else None
+    def alarms(self) -> list[Alarm]:
+        """What is on the screen, until RESET."""
+        return self.nc.alarms
+
+    @property
+    def operation(self) -> Operation:
+        return self.nc.operation
 
     @property
     def state(self) -> RunState:
@@ -161,25 +153,27 @@ class OperatedControl:
     def complete(self) -> bool:
         """The last operation was, and nothing is under way."""
         is_stored = self.task.taken is None or not self.task.taken.error
-        return is_stored and self.operation is None and self.last is not None and self.last.outcome is Outcome.COMPLETE
+        is_over = self.operation is Operation.NONE and not self.alarms
+        return is_stored and is_over and self.last is not None and self.last.outcome is Outcome.COMPLETE
 
     def _power_on(self, params: Any) -> None:
+        """A new engine, and the control behind it."""
         self._params = params
+        self.code = getattr(params, "data", DataCode.ASCII)
+        self.text = self.job.protocol.text(params)
+        self.tape = TapeWindow(self.text.eob, 0)
         self.cnc: CncEngine = self.job.protocol.cnc(params)
         binary = self.job.protocol.binary_input(params)
-        self._flow = ProgramFlow(self.code)
-        self._flow.optional_stop = self.optional_stop
         self.control = Control(
             self.cnc,
             self,
             blocks_per_second=self.task.blocks_per_second,
             eob=self.text.eob,
             binary=binary_operation(binary) if binary is not None else None,
-            single_block=self.single_block is Switch.ON,
-            flow=self._flow,
+            flow=flow_for(params, self.task.block_check),
         )
-        has_board = isinstance(getattr(self.cnc, "buffer", None), BufferImage)
-        self.board = Board(self.cnc) if has_board else None  # type: ignore[arg-type]
+        self.board = board_of(self.cnc)
+        self.nc.connect(self.cnc, self.control, self.board, params)
 
     # the line
 
@@ -190,6 +184,7 @@ class OperatedControl:
         try:
             while not self._leaving:
                 self._turned.clear()
+                capture = await self._renewed(capture)
                 if self.plug is Plug.OUT:
                     await self._turned.wait()
                     continue
@@ -198,7 +193,7 @@ class OperatedControl:
                 except LineError as error:
                     if not opened:
                         raise
-                    self._say(f"the line cannot be opened: {error}")
+                    self.say(f"the line cannot be opened: {error}")
                     await self._pause()
                     continue
                 if line is not None:
@@ -207,6 +202,18 @@ class OperatedControl:
                     capture.tell()
         finally:
             await capture.close(failed=not self.complete)
+
+    async def _renewed(self, capture: JobCapture) -> JobCapture:
+        """With the parameters that have come into force meanwhile. Another protocol or rate is another capture."""
+        job, self._next_job = self._next_job, None
+        if job is None:
+            return capture
+        old, self.job = self.job, job
+        self._power_on(job.params)
+        if job.capture is None or job.origin == old.origin:
+            return capture
+        await capture.close(failed=True)
+        return JobCapture(job.capture, job.origin, self._report)
 
     async def _open(self) -> Transport | None:
         """None when the operator had enough of waiting."""
@@ -220,7 +227,7 @@ class OperatedControl:
                 window=default_window(self.job.baud, tolerated),
                 paced_reception=True,
                 on_ready=lambda line: self._report(Ready(line=line), monotonic()),
-                on_note=self._say,
+                on_note=self.say,
             )
         )
         turned = asyncio.ensure_future(self._turned.wait())
@@ -243,20 +250,26 @@ class OperatedControl:
         try:
             link = self.attach(transport)
             self._driver = LineDriver(link)
-            await self._driver.run(lambda: link.closed or (self._leaving and not self._communicating))
+            await self._driver.run(lambda: link.closed or self._done_with_line)
         finally:
             transport.close(monotonic())
         link.closed = True
         self.link = None
-        await self._driver.run(lambda: self.operation is None or bool(self.alarms) or self._leaving)
+        await self._driver.run(lambda: self.operation is Operation.NONE or bool(self.alarms) or self._leaving)
         self._power_on(self.job.params)
+
+    @property
+    def _done_with_line(self) -> bool:
+        return (self._leaving and not self.nc.communicating) or (
+            self._next_job is not None and self.operation is Operation.NONE
+        )
 
     def attach(self, transport: Transport) -> Link:
         """Put the control on a line that is open. Whoever steps the link runs the control."""
         self.link = Link(
             self.cnc,
             transport,
-            application=self.control,
+            application=self.nc,
             on_event=self._heard,
             on_write=self._written,
         )
@@ -271,40 +284,90 @@ class OperatedControl:
     def cycle_start(self, now: Nanos) -> None:
         """Go on where the control stands still, or begin DNC operation."""
         if self.operation is Operation.DNC and not self.alarms:
-            self.control.go(now)
+            self.nc.cycle_start(now)
             self._wake()
         else:
-            self._begin(Operation.DNC, now)
+            self._begin(Operation.DNC, self.nc.cycle_start, now)
 
     def read(self, now: Nanos) -> None:
         """Read a tape into the memory."""
-        self._begin(Operation.READ, now)
+        self._begin(Operation.READ, lambda now: self.nc.read(now, self.ground), now)
 
     def punch(self, now: Nanos) -> None:
         """Punch the program that was given, or all that is in the memory."""
-        self._begin(Operation.PUNCH, now)
+        self._begin(Operation.PUNCH, self._punch, now)
+
+    def punch_parameters(self, now: Nanos) -> None:
+        self._begin(Operation.PUNCH, lambda now: self.nc.punch_parameters(now, self.ground), now)
 
     def feed_hold(self, now: Nanos) -> None:
-        if self.operation is Operation.DNC:
-            self.control.feed_hold(now)
-            self._wake()
+        self.nc.feed_hold(now)
+        self._wake()
 
     def reset(self, now: Nanos) -> None:
         """RESET: ends the operation and clears the alarms; what was taken and not executed is lost (8.2)."""
-        self.control.reset(now)
-        if self.board is not None:
-            self.board.asked(Request.RESET)
-        self.alarms.clear()
+        self.nc.reset(now)
         self.tape = TapeWindow(self.text.eob, self.control.bytes_taken)
         self._wake()
 
+    def stop(self, now: Nanos) -> None:
+        """The soft key STOP (6.4 note 2)."""
+        self.nc.stop(now)
+        self._wake()
+
+    def turn_ground(self) -> None:
+        self.ground = Ground.FOREGROUND if self.ground is Ground.BACKGROUND else Ground.BACKGROUND
+
     def turn_single_block(self) -> None:
-        self.single_block = Switch.OFF if self.single_block is Switch.ON else Switch.ON
-        self.control.single_block = self.single_block is Switch.ON
+        self.nc.turn_single_block(self.nc.single_block.other)
 
     def turn_optional_stop(self) -> None:
-        self.optional_stop = Switch.OFF if self.optional_stop is Switch.ON else Switch.ON
-        self._flow.optional_stop = self.optional_stop
+        self.nc.turn_optional_stop(self.nc.optional_stop.other)
+
+    def enter(self, number: int, value: int) -> None:
+        """The operator enters a parameter; when it takes effect is told."""
+        if self.parameters is None:
+            self.say("there are no parameters: --parameters FILE gives them")
+            return
+        try:
+            rule = self.parameters.enter(number, value)
+        except UsageError as error:
+            self.say(str(error))
+            return
+        when = "at once" if rule is PowerRule.AT_ONCE else "after power off and on"
+        self.say(f"No. {number:04d} takes effect {when}")
+        self._renew(self.parameters.in_force)
+
+    def power_off_and_on(self, now: Nanos) -> None:
+        """The operation is gone, what was entered is in force; the memory of the control keeps its programs."""
+        self.nc.alarms.clear()
+        self.nc.give_up(now)
+        self.say("power off and on")
+        if self.parameters is not None:
+            self.parameters.power_off_and_on()
+            self._renew(self.parameters.in_force)
+        self._next_job = self._next_job or self.job
+        if self.link is not None and not self.link.closed:
+            self.link.closed = True
+            self.cnc.receive_closed(Closure.LOST, "the control was switched off", now)
+        self._turned.set()
+        self._wake()
+
+    def _renew(self, in_force: ParameterSet) -> None:
+        """The line becomes that of these parameters once nothing is under way. Bad ones leave it, and are SR807."""
+        if self.task.job_of is None:
+            return
+        try:
+            job = self.task.job_of(in_force)
+        except UsageError as error:
+            if Weight.ALARM not in {finding.weight for finding in check(in_force, in_force.interface)}:
+                self.say(str(error))
+            return
+        is_other = job.origin != self.job.origin
+        self._next_job = job.observed_by(self._report, self.job.stop) if is_other else None
+        if is_other:
+            self._turned.set()
+            self._wake()
 
     def turn_plug(self, now: Nanos) -> None:
         """Unplug the cable, or plug it in. The host sees the line end, the control sees it lost."""
@@ -320,48 +383,37 @@ class OperatedControl:
 
     def leave(self, now: Nanos) -> None:
         """`run` returns soon; what is under way is given up as by RESET."""
-        if self.operation is not None:
-            self.reset(now)
+        if self.operation is not Operation.NONE:
+            self.nc.give_up(now)
             self.last = Ended(outcome=Outcome.CANCELLED, reason="given up here", bytes_low=0, bytes_high=0)
         self._leaving = True
         self._turned.set()
         self._wake()
 
-    def _begin(self, operation: Operation, now: Nanos) -> None:
-        why_not = self._refusal(operation)
-        if why_not:
-            self._say(why_not)
-            return
+    def _begin(self, operation: Operation, begin: Callable[[Nanos], None], now: Nanos) -> None:
         try:
+            ground = Ground.FOREGROUND if operation is Operation.DNC else self.ground
+            if not self.nc.may_begin(operation, ground, now) or not self._has_line(operation):
+                return
             self._set_up_for(operation, now)
-            if operation is Operation.PUNCH:
-                self.cnc.punch(self._source(), now)
-            else:
-                self.control.cycle_start(now)
+            begin(now)
         except UsageError as error:
-            self._say(str(error))
+            self.say(str(error))
             return
-        self.control.work = Work.EXECUTE if operation is Operation.DNC else Work.STORE
-        self.selected, self._communicating, self.last = operation, True, None
-        self._reading = bytearray() if operation is Operation.READ and self.board is not None else None
+        self.last = None
         self.tape = TapeWindow(self.text.eob, self.control.bytes_taken)
-        if self.board is not None:
-            self.board.asked(Request.PUNCH if operation is Operation.PUNCH else Request.READ)
         self._wake()
 
-    def _refusal(self, operation: Operation) -> str:
-        """Why it cannot begin; empty where it can."""
-        if self.alarms:
-            return "an alarm is on: RESET first"
-        if self.operation is not None:
-            return f"{self.operation.value} is under way: wait for its end, or RESET"
+    def _has_line(self, operation: Operation) -> bool:
+        """Raises UsageError for what no line carries."""
         if operation is Operation.PUNCH and not self.job.protocol.punches_out:
-            return f"{self.job.protocol.name} has no punch-out"
+            raise UsageError(f"{self.job.protocol.name} has no punch-out")
         if self.link is not None and not self.link.closed:
-            return ""
+            return True
         if self.board is not None:
-            self.alarms.append(Alarm(number=AlarmNumber.SR855, text=text_of(AlarmNumber.SR855, "there is no host")))
-        return "there is nobody on the line"
+            self.nc.show(Alarm(number=AlarmNumber.SR855, text=text_of(AlarmNumber.SR855, "there is no host")))
+        self.say("there is nobody on the line")
+        return False
 
     def _set_up_for(self, operation: Operation, now: Nanos) -> None:
         """A control with program numbers asks in another way for what it keeps."""
@@ -371,19 +423,18 @@ class OperatedControl:
             return
         assert self.link is not None
         self._power_on(params)
-        self.link.engine, self.link.application = self.cnc, self.control
+        self.link.engine = self.cnc
         if self.link.signals_in is not None:
             self.cnc.receive_signals(self.link.signals_in, now)
 
-    def _source(self) -> Source:
+    def _punch(self, now: Nanos) -> None:
         if self.task.punch is not None:
             self.task.punch.rewind()
-            return self.task.punch
-        if self.board is None:
+            self.nc.punch(self.task.punch, now, self.ground)
+        elif self.board is None:
             raise UsageError("there is nothing to punch: --file names a program")
-        told = self.task.parameters
-        form = PunchForm(code=self.code, eob=EobForm.LF, feed=0) if told is None else punch_form(told)
-        return _Tape(tape_of(self.memory.text(), form))
+        else:
+            self.nc.punch_programs(now, ground=self.ground)
 
     # what becomes of it
 
@@ -392,8 +443,6 @@ class OperatedControl:
         self.tape.write(data)
         if self.task.taken is not None:
             self.task.taken.write(data)
-        if self._reading is not None and len(self._reading) <= MEMORY_BYTES:
-            self._reading += data
         return None
 
     def _written(self, data: bytes) -> None:
@@ -403,10 +452,8 @@ class OperatedControl:
     def _heard(self, event: Event, now: Nanos) -> None:
         if self.board is not None:
             self.board.heard(event)
+        self.nc.heard(event, now)
         match event:
-            case Alarm():
-                self.alarms.append(event)
-                self.control.feed_hold(now)
             case Held(why=why):
                 self.held = why
             case Resumed():
@@ -417,62 +464,28 @@ class OperatedControl:
                 self._report(event, now)
 
     def _ended(self, event: Ended) -> None:
-        self._communicating, self.held = False, ""
-        if event.outcome is Outcome.COMPLETE and self._reading is not None:
-            self._register(bytes(self._reading))
-        self._reading = None
-        self.last = event
-        self._say(f"{self.selected.value} {event.outcome}: {event.bytes_low:,} bytes; {event.reason}")
-
-    def _register(self, tape: bytes) -> None:
-        if len(tape) > MEMORY_BYTES:
-            self._say(f"not registered: a tape of more than {MEMORY_BYTES:,} bytes")
-            return
-        text = bytearray()
-        reader = PunchReader(self.code, text.extend)
-        reader.feed(tape)
-        if damage := reader.finish():
-            self._say(f"not registered: {damage[0]}")
-            return
-        done = self.memory.read(bytes(text))
-        for refused in done.refused:
-            self._say(f"not registered: {refused}")
-        if done.registered:
-            self._say("registered " + ", ".join(f"O{number:04d}" for number in done.registered))
-        if done.alarm is not None:
-            self.alarms.append(Alarm(number=done.alarm, text=text_of(done.alarm, "; ".join(done.refused))))
+        self.held, self.last = "", event
+        self.say(f"{self.nc.selected.name.lower()} {event.outcome}: {event.bytes_low:,} bytes; {event.reason}")
 
     def _report(self, report: Report, now: Nanos) -> None:
         match report:
             case Ready(line=line):
                 self.ready = line
             case Notice(text=text):
-                self._say(text)
+                self.say(text)
             case Violation(what=what):
-                self._say(what)
+                self.say(what)
             case Requested(number=number) if number is not None:
-                self._say(f"asked for program {number}")
+                self.say(f"asked for program {number}")
             case AfterStop(count=count, allowed=allowed) if count > allowed:
-                self._say(f"{count} characters after the stop, {allowed} are allowed")
+                self.say(f"{count} characters after the stop, {allowed} are allowed")
             case _:
                 pass
 
     def _not_stored(self) -> None:
         assert self.task.taken is not None
-        self._say(self.task.taken.error)
+        self.say(self.task.taken.error)
 
-    def _say(self, text: str) -> None:
+    def say(self, text: str) -> None:
+        """Tell the operator."""
         self.messages.append(text)
-
-
-class _Tape:
-    """What is punched out of the memory."""
-
-    def __init__(self, data: bytes) -> None:
-        self._data = data
-        self._at = 0
-
-    def read(self, size: int) -> bytes:
-        piece = self._data[self._at : self._at + size]
-        self._at += len(piece)
-        return piece

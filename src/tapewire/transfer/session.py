@@ -8,10 +8,24 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from tapewire.engine import SECOND, Closure, Ended, Engine, Event, Held, Nanos, Notice, Outcome, Resumed
+from tapewire.engine import (
+    SECOND,
+    Alarm,
+    Closure,
+    Ended,
+    Engine,
+    Event,
+    Held,
+    Nanos,
+    Notice,
+    Outcome,
+    Received,
+    Resumed,
+    Started,
+)
 from tapewire.line.capture import Origin, Side
 from tapewire.line.capture_file import CaptureSettings
-from tapewire.line.descriptor import LineSettings
+from tapewire.line.descriptor import DescriptorLine, LineSettings
 from tapewire.line.driver import LineDriver, monotonic
 from tapewire.line.link import Application, Link
 from tapewire.line.open import LineAddress, PtyAddress, open_line, parse_line
@@ -21,6 +35,7 @@ from tapewire.protocols import ProtocolEntry, protocol
 from tapewire.protocols.settings import End
 from tapewire.transfer.capturing import JobCapture
 from tapewire.transfer.meter import Meter
+from tapewire.transfer.reopening import WhenLost, open_when_back
 from tapewire.transfer.reports import Observer, Progress, Ready, nothing
 
 __all__ = ["ABORT_LIMIT_S", "JobSettings", "Session", "settings_for", "undo"]
@@ -49,6 +64,8 @@ class JobSettings:
     observer: Observer = nothing
     stop: asyncio.Event = field(default_factory=asyncio.Event)
     """Set it to give the job up in an orderly way: nothing leaves after its end."""
+    when_lost: WhenLost = WhenLost.END
+    """Of the line, before anything has begun on it; a job that has begun ends with its line."""
     began: Nanos = field(default_factory=monotonic)
     """`timeout_s` counts from here: what is prepared before the line is opened counts too."""
 
@@ -106,6 +123,7 @@ class Session:
     `give_up(now)` is called when the job is to be ended from here. `tolerated` is what the other side takes after its
     stop request, `total` the size of the job where it is known. After the end the line is kept for `linger_s`, or
     until the other side closes it. `between` may put something between the line, captured as it is, and the engine.
+    `heard` gets every event before it is reported. A job that is complete goes on until `at_rest`.
     """
 
     def __init__(
@@ -122,6 +140,8 @@ class Session:
         linger_s: float = 0.0,
         details: Callable[[], dict[str, int]] = dict,
         between: Callable[[Transport], Transport] | None = None,
+        heard: Callable[[Event, Nanos], None] = nothing,
+        at_rest: Callable[[], bool] = lambda: True,
     ) -> None:
         self.job = job
         self.engine = engine
@@ -139,10 +159,13 @@ class Session:
         self._linger_s = linger_s
         self._details = details
         self._between = between
+        self._heard = heard
+        self._at_rest = at_rest
         self._window = default_window(job.baud, tolerated)
         self.meter = Meter(character_time(job.baud), self._window)
         self._began = monotonic()
         self._overruled: tuple[Outcome, str] | None = None
+        self._was_open = self._has_begun = False
 
     @property
     def seconds(self) -> float:
@@ -154,6 +177,11 @@ class Session:
         ended = None
         try:
             ended = await self._run(begin)
+            while self._may_wait(ended):
+                text = f"{ended.reason}; nothing had begun, so {self.job.line} is opened again when it is back"
+                self.job.observer(Notice(text=text), monotonic())
+                self.ended = None
+                ended = await self._run(begin)
             return ended
         finally:
             await self._capture.close(failed=ended is None or ended.outcome is not Outcome.COMPLETE)
@@ -181,23 +209,32 @@ class Session:
         assert self.ended is not None
         return self.ended
 
-    async def _open(self) -> Transport | Ended:
-        opening = asyncio.ensure_future(
-            open_line(
-                self.job.line,
-                baud=self.job.baud,
-                stopbits=self.job.stopbits,
-                data_bits=self.job.data_bits,
-                window=self._window,
-                paced_reception=self._paced_reception,
-                on_ready=lambda line: self.job.observer(Ready(line=line), monotonic()),
-                on_note=lambda text: self.job.observer(Notice(text=text), monotonic()),
-            )
+    def _may_wait(self, ended: Ended) -> bool:
+        """The line went, and with it nothing that a person would have to look at."""
+        lost = self._was_open and self.link.closed and ended.outcome is Outcome.FAILED and self._overruled is None
+        waits = self.job.when_lost is WhenLost.WAIT and not self.job.stop.is_set()
+        return waits and lost and not self._has_begun and not self._bytes_done()
+
+    async def _open_line(self) -> DescriptorLine:
+        return await open_line(
+            self.job.line,
+            baud=self.job.baud,
+            stopbits=self.job.stopbits,
+            data_bits=self.job.data_bits,
+            window=self._window,
+            paced_reception=self._paced_reception,
+            on_ready=lambda line: self.job.observer(Ready(line=line), monotonic()),
+            on_note=lambda text: self.job.observer(Notice(text=text), monotonic()),
         )
+
+    async def _open(self) -> Transport | Ended:
+        opening = asyncio.ensure_future(open_when_back(self._open_line) if self._was_open else self._open_line())
         try:
             await self._race(opening)
             if opening.done():
-                return opening.result()
+                line = opening.result()
+                self._was_open = True
+                return line
         finally:
             if not opening.done():
                 await undo(opening)
@@ -205,7 +242,7 @@ class Session:
         return Ended(outcome=outcome, reason=reason, bytes_low=0, bytes_high=0)
 
     async def _drive(self) -> None:
-        driving = asyncio.ensure_future(self.driver.run(lambda: self.ended is not None))
+        driving = asyncio.ensure_future(self.driver.run(lambda: self._is_over))
         ticker = asyncio.ensure_future(self._tick())
         try:
             await self._race(driving)
@@ -241,11 +278,18 @@ class Session:
         self.abort()
         await asyncio.wait([driving], timeout=ABORT_LIMIT_S)
 
+    @property
+    def _is_over(self) -> bool:
+        return self.ended is not None and (self.ended.outcome is not Outcome.COMPLETE or self._at_rest())
+
     def abort(self) -> None:
         """Give the job up in an orderly way; `run` returns when the engine has said its last."""
-        if self.ended is None:
+        if not self._is_over:
             self._give_up(monotonic())
             self.driver.wake()
+            if self.ended is not None:
+                outcome, reason = self._overruled or (Outcome.CANCELLED, "given up here before all was executed")
+                self.ended = replace(self.ended, outcome=outcome, reason=reason)
 
     def _give_up_line(self) -> None:
         """The line does not take the engine's last words: to the engine it is gone."""
@@ -283,12 +327,15 @@ class Session:
             self._all_sent = self._total is not None and self._bytes_done() >= self._total
 
     def _on_event(self, event: Event, now: Nanos) -> None:
+        self._heard(event, now)
         match event:
             case Held():
                 self.stops += 1
                 self.meter.hold(self.link.transport.in_flight(now), now)
             case Resumed():
                 self.meter.resume(now)
+            case Started() | Received():
+                self._has_begun = True
             case Ended(bytes_low=low, bytes_high=high) if self.ended is None:
                 if self._overruled is not None and event.outcome is Outcome.CANCELLED:
                     outcome, reason = self._overruled
@@ -297,7 +344,7 @@ class Session:
                 return
             case _:
                 pass
-        if self.ended is None:
+        if self.ended is None or isinstance(event, Alarm | Notice):
             self.job.observer(event, now)
 
 

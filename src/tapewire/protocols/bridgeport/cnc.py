@@ -23,6 +23,7 @@ from __future__ import annotations
 from typing import Final
 
 from tapewire.engine import (
+    ALL_ON,
     MILLISECOND,
     Closure,
     Event,
@@ -156,7 +157,7 @@ class BridgeportCnc(Reading):
 
     @property
     def signals(self) -> SignalsOut:
-        return SignalsOut()
+        return ALL_ON
 
     # time and what happened
 

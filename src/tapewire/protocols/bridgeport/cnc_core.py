@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from enum import Enum
 from typing import Final
 
-from tapewire.engine import SECOND, Alarm, Ended, Events, Nanos, Notice, Outcome, Source, Timers, Violation
+from tapewire.engine import SECOND, Alarm, Ended, Events, Named, Nanos, Notice, Outcome, Source, Timers, Violation
 from tapewire.errors import UsageError
 from tapewire.protocols.bridgeport.cnc_buffer import Latecomers, TextBuffer
 from tapewire.protocols.bridgeport.cnc_law import LAW, Act, Cause, State
@@ -19,7 +18,7 @@ ALARM_NUMBER: Final = "0040"
 """What users of these controls report as the communications error."""
 
 
-class Timer(Enum):
+class Timer(Named):
     REPEAT = "DC2, or the request, is said again"
     ANSWER = "the remote has not answered"
     SILENCE = "nothing comes in the middle of text"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from enum import Enum
 from typing import Final, TypeAlias
 
+from tapewire.engine import Named
 from tapewire.protocols.bridgeport.code_table import SEVEN_BITS
 from tapewire.protocols.bridgeport.messages import Params
 from tapewire.protocols.bridgeport.records import record_end_codes
@@ -14,7 +14,7 @@ from tapewire.protocols.bridgeport.records import record_end_codes
 __all__ = ["LAW", "Act", "Cause", "State", "Word", "vocabulary"]
 
 
-class State(Enum):
+class State(Named):
     """Where the control's communication stands."""
 
     IDLE = "at rest"
@@ -33,7 +33,7 @@ class State(Enum):
     CLOSING = "the last codes are on their way"
 
 
-class Word(Enum):
+class Word(Named):
     """What a character of the remote can mean."""
 
     READY = "go ahead with a name or a program"
@@ -46,7 +46,7 @@ class Word(Enum):
     LRC = "the check character of a record"
 
 
-class Act(Enum):
+class Act(Named):
     """What moves the control besides the words of the remote."""
 
     CYCLE_START = "cycle start"

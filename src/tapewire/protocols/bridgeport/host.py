@@ -20,6 +20,7 @@ from typing import Final
 
 from tapewire.codes import name_of, with_even_parity
 from tapewire.engine import (
+    ALL_ON,
     SECOND,
     Closure,
     Event,
@@ -205,7 +206,7 @@ class BridgeportHost(Job):
 
     @property
     def signals(self) -> SignalsOut:
-        return SignalsOut()
+        return ALL_ON
 
     # time and what happened
 

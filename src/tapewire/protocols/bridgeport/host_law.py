@@ -5,9 +5,9 @@ The engine in `host.py` chooses; after each character it checks its choice again
 
 from __future__ import annotations
 
-from enum import Enum
 from typing import Final
 
+from tapewire.engine import Named
 from tapewire.protocols.bridgeport.code_table import CodeTable
 
 __all__ = [
@@ -22,7 +22,7 @@ __all__ = [
 ]
 
 
-class State(Enum):
+class State(Named):
     """Where the dialogue stands. A program may be armed in any of them."""
 
     REST = "at rest"
@@ -39,7 +39,7 @@ class State(Enum):
     """The end code goes out, then we listen for a cancel."""
 
 
-class Heard(Enum):
+class Heard(Named):
     """What a character from the control means where it is heard."""
 
     OPEN_WRITE = "open_write"
@@ -53,7 +53,7 @@ class Heard(Enum):
     TEXT = "text"
 
 
-class Timer(Enum):
+class Timer(Named):
     """The deadlines of this engine."""
 
     TEXT = "silence inside what the control sends"

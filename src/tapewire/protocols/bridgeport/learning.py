@@ -11,6 +11,7 @@ from enum import Enum
 from typing import Final
 
 from tapewire.engine import (
+    ALL_ON,
     Closure,
     Ended,
     Event,
@@ -148,7 +149,7 @@ class Learner:
 
     @property
     def signals(self) -> SignalsOut:
-        return SignalsOut()
+        return ALL_ON
 
     # time and what happened
 

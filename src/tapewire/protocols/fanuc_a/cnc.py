@@ -25,6 +25,7 @@ from __future__ import annotations
 from typing import Final, assert_never
 
 from tapewire.engine import (
+    ALL_ON,
     Closure,
     Event,
     Events,
@@ -168,7 +169,7 @@ class FanucACnc:
 
     @property
     def signals(self) -> SignalsOut:
-        return SignalsOut(rts=self._line.room.rs_on, dtr=True)
+        return ALL_ON if self._line.room.rs_on else SignalsOut(rts=False)
 
     # time and what happened
 

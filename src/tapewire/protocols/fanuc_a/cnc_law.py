@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from enum import Enum, StrEnum
 from typing import Final
 
+from tapewire.engine import Named
 from tapewire.fanuc.alarms import AlarmNumber
 from tapewire.protocols.fanuc_a.messages import Command
 from tapewire.protocols.fanuc_a.params import AmongPackets
@@ -17,7 +18,7 @@ from tapewire.protocols.fanuc_a.params import AmongPackets
 __all__ = ["AWAITED", "DEAF", "LAW", "MESSAGES_AMONG_PACKETS", "Act", "Refusal", "State", "Timer", "refusal"]
 
 
-class State(Enum):
+class State(Named):
     """Where the dialogue stands."""
 
     NOT_READY = "DR is OFF, or the control has yet to begin, after power-on or an open line"
@@ -55,7 +56,7 @@ class Act(StrEnum):
     IGNORE = "hears nothing"
 
 
-class Timer(Enum):
+class Timer(Named):
     """The deadlines of this engine."""
 
     POWER_ON = "the 2 s of 4.3 (1)"

@@ -112,7 +112,7 @@ class Agreement:
         """Characters that may still come after RS OFF (4.3 (5)). A control that takes packets has taken the SET that
         made them, and No with it.
         """
-        return self.base.no if self.n else min(parameters.no for parameters in self._possible)
+        return self.base.no if self.n else min([parameters.no for parameters in self._possible])
 
     @property
     def ne(self) -> int:

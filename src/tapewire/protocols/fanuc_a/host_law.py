@@ -6,15 +6,15 @@ The engine in `host.py` chooses; after each message it checks its choice against
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from typing import Final
 
+from tapewire.engine import Named
 from tapewire.protocols.fanuc_a.messages import ANSWERS, ORIGINS, Command, Origin
 
 __all__ = ["LAW", "Row", "State", "Timer"]
 
 
-class State(Enum):
+class State(Named):
     """Where a job stands."""
 
     IDLE = "idle"
@@ -33,7 +33,7 @@ class State(Enum):
     """The buffer is empty; a further GTD of the same reading gets EOD."""
 
 
-class Timer(Enum):
+class Timer(Named):
     """The deadlines of this engine."""
 
     SILENCE = "silence"

@@ -10,6 +10,7 @@ from enum import Enum
 from typing import Final
 
 from tapewire.engine import (
+    ALL_ON,
     SECOND,
     Closure,
     Ended,
@@ -201,7 +202,7 @@ class HostLine(ABC):
     @property
     def signals(self) -> SignalsOut:
         """Always ON: the host can receive whenever the line is open."""
-        return SignalsOut()
+        return ALL_ON
 
     # time and what happened
 
@@ -252,7 +253,7 @@ class HostLine(ABC):
             self._interrupt(Outcome.FAILED, problem, now)
         self._watch_hold(now)
         self._watch_room(now)
-        ours = any(self._timers.running(timer) for timer in (Timer.WAT, Timer.QUIET, Timer.REPEAT, Timer.CROSSED))
+        ours = self._timers.running(Timer.WAT, Timer.QUIET, Timer.REPEAT, Timer.CROSSED)
         if not self._closed:
             if self._streaming.our_turn and self._state is State.ARMED:
                 self._exchange.watch_from(self._armed_at)

@@ -19,10 +19,10 @@ Where the manual is silent, or speaks twice, the comment beside the code says wh
 
 from __future__ import annotations
 
-from enum import Enum
 from typing import Final
 
 from tapewire.engine import (
+    ALL_ON,
     MILLISECOND,
     AfterStop,
     Alarm,
@@ -32,6 +32,7 @@ from tapewire.engine import (
     Events,
     Held,
     LineFault,
+    Named,
     Nanos,
     Notice,
     Outcome,
@@ -59,7 +60,7 @@ PUNCH_BYTES: Final = 256
 """Characters taken from the source at once: the send buffer of 12.2."""
 
 
-class _Timer(Enum):
+class _Timer(Named):
     SOURCE = "source"
 
 
@@ -161,7 +162,7 @@ class FanucBCnc:
 
     @property
     def signals(self) -> SignalsOut:
-        return SignalsOut(rts=True, dtr=self._er_on)
+        return ALL_ON if self._er_on else SignalsOut(dtr=False)
 
     # time and what happened
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
-from enum import Enum
 from typing import Final, TypeAlias
 
+from tapewire.engine import Named
 from tapewire.protocols.fanuc_b.messages import ControlCode
 
 __all__ = ["LAW", "Act", "Cause", "State"]
 
 
-class State(Enum):
+class State(Named):
     """Where the control's communication stands."""
 
     IDLE = "at rest"
@@ -26,7 +26,7 @@ class State(Enum):
     CLOSING = "the last codes are on their way"
 
 
-class Act(Enum):
+class Act(Named):
     """What moves the control, besides the codes a host sends during a punch-out."""
 
     CYCLE_START = "cycle start"

@@ -18,6 +18,7 @@ from __future__ import annotations
 from typing import Final
 
 from tapewire.engine import (
+    ALL_ON,
     SECOND,
     Closure,
     Ended,
@@ -147,8 +148,7 @@ class FanucBHost:
         self._events.put(Violation(what=f"{fault} in what the control sent"))
         match self._state:
             case State.SENDING:
-                self._state = State.HELD
-                self._held_by_damage = True
+                self._state, self._held_by_damage = State.HELD, True
                 self._events.put(Held(why=f"{fault}: it may have been DC3"))
                 self._timers.start(Timer.DAMAGED, now + DAMAGED_WAIT)
             case State.HELD:
@@ -232,7 +232,7 @@ class FanucBHost:
     @property
     def signals(self) -> SignalsOut:
         """ON, but for a pause by CS: with them OFF the control posts nothing (6.1.2) or alarms (3.2)."""
-        return SignalsOut(rts=self._pause_by_code or not self._pause_wanted)
+        return ALL_ON if self._pause_by_code or not self._pause_wanted else SignalsOut(rts=False)
 
     # time and what happened
 

@@ -5,10 +5,9 @@ The engine in `host.py` chooses; after each code it checks its choice against th
 
 from __future__ import annotations
 
-from enum import Enum
 from typing import Final
 
-from tapewire.engine import MILLISECOND, SECOND, Nanos
+from tapewire.engine import MILLISECOND, SECOND, Named, Nanos
 from tapewire.protocols.fanuc_b.messages import ControlCode
 
 __all__ = [
@@ -27,7 +26,7 @@ __all__ = [
 ]
 
 
-class State(Enum):
+class State(Named):
     """Where a job stands."""
 
     IDLE = "idle"
@@ -49,7 +48,7 @@ class State(Enum):
     """The job is over; what was on its way is called back or leaves."""
 
 
-class Timer(Enum):
+class Timer(Named):
     """The deadlines of this engine."""
 
     CLOSING = "closing time"
