@@ -411,7 +411,7 @@ class BridgeportHost(Job):
         if not isinstance(self._transmission, LinkRecords):
             self._ignore(Heard.ACK, self._params.ack)
             return
-        if self._state in (State.RECORD, State.TAIL):
+        if self._state in (State.RECORD, State.TAIL) and not self._transmission.only_end_is_left:
             self._ignore(Heard.ACK, self._params.ack)
             self._transmission.ack_inside()
         else:
