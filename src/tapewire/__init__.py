@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     )
     from tapewire.errors import LineBusy, LineError, LineNotFound, ProgramError, TapewireError, UsageError
     from tapewire.protocols import PROTOCOLS
+    from tapewire.sim.nc import Ground
+    from tapewire.sim.operator import Press
     from tapewire.sim.world import Pair, World
     from tapewire.transfer.api import receive, run_control, send
     from tapewire.transfer.control import ControlTask, Operation
@@ -40,6 +42,8 @@ _HOMES: Final = {
     "tapewire.engine": ("AfterStop Alarm Ended Event Held Notice Outcome Received Requested Resumed Started Violation"),
     "tapewire.errors": "LineBusy LineError LineNotFound ProgramError TapewireError UsageError",
     "tapewire.protocols": "PROTOCOLS",
+    "tapewire.sim.nc": "Ground",
+    "tapewire.sim.operator": "Press",
     "tapewire.sim.world": "Pair World",
     "tapewire.transfer.api": "receive run_control send",
     "tapewire.transfer.control": "ControlTask Operation",
@@ -55,6 +59,7 @@ __all__ = [
     "ControlTask",
     "Ended",
     "Event",
+    "Ground",
     "Held",
     "LineBusy",
     "LineError",
@@ -64,6 +69,7 @@ __all__ = [
     "Operation",
     "Outcome",
     "Pair",
+    "Press",
     "Program",
     "ProgramError",
     "Progress",

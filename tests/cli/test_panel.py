@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import signal
 from pathlib import Path
+from random import Random
 
 import pytest
 
@@ -269,6 +270,25 @@ def test_parameters_stand_in_for_the_protocol_without_a_panel(shop: Shop) -> Non
     assert "SR807" in refused.stderr
     missing = invoke("cnc", "--line", f"pty:{shop.folder}/control")
     assert (missing.status, "--protocol is missing" in missing.stderr) == (2, True)
+
+
+def test_whatever_is_pressed_in_whatever_size_it_can_be_left(shop: Shop) -> None:
+    """Keys without sense while a host sends, in terminals that nobody has."""
+    chance = Random(5)
+    parameters, file = shop.file("in-parameters", BAD.replace("P9", "P1").encode()), shop.file("in.nc", LONG)
+    words = ("--parameters", parameters, "--save", shop.folder / "saved", "--capture", shop.folder / "capture.pcapng")
+    with panel(shop.folder, *words) as terminal:
+        terminal.wait_for("open")
+        sending(file, shop.folder / "control", "fanuc-b", settings={"posting": "off"})
+        for size in ((20, 5), (1, 1), (3, 90), (240, 2), (133, 70), (80, 24)):
+            terminal.resize(*size)
+            for _ in range(8):
+                terminal.press("".join(chance.choices("chrsoiptbuwnCHR0123456789=-\n\x7f\t\x04xyz \x1b[A", k=9)))
+                terminal.read(0.02)
+        terminal.wait(lambda text: "[Q]" in text.split("\n")[23])
+        terminal.press("\nq")
+        assert terminal.end() in (0, 1)
+        assert restored(terminal)
 
 
 def test_no_panel_without_a_terminal(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tapewire.errors import UsageError
+from tapewire.fanuc.parameter_check import check
 from tapewire.fanuc.parameter_file import ParameterFile, read_parameters, write_punch, write_toml
 from tapewire.fanuc.parameters import CATALOGUE, ParameterSet
 
@@ -80,9 +81,27 @@ def test_bits_in_toml(text: str) -> None:
         ("parameters = 3", "`parameters` must be a table"),
         ("[parameters]\n", "holds no parameter"),
         ("5074 = 3\nN5074 = 1", "given twice"),
+        ("N5074 P2 P3", "one value P is expected"),
+        ("N5074 P2 N5073 P3", "is no parameter"),
+        ("N5074 3", "line 1: '4 3': a letter is missing before the second number"),
+        ("N5074 P1 2", "a letter is missing"),
+        (f"5074 = {'9' * 5000}", "is no TOML: Exceeds the limit"),
+        (f"5074 = {'[' * 3000}{']' * 3000}", "is no TOML: brackets within brackets"),
+        ("5074 = 1979-05-27", "a whole number is expected"),
+        ("5074 = [3]", "a whole number is expected"),
+        ("5000 = { ETX = [1] }", "0 or 1 for one of its bits is expected"),
+        ('"\\n" = 1', "is no parameter"),
+        ("5074 = 1\n5074 = 2", "is no TOML"),
+        ("[[[", "is no TOML"),
     ],
 )
 def test_what_is_wrong_is_named(text: str, complaint: str) -> None:
     with pytest.raises(UsageError) as caught:
         read_parameters(text)
     assert complaint in str(caught.value)
+
+
+@pytest.mark.parametrize("value", [10**9, 10**39, -(10**39)])
+def test_a_huge_number_is_read_and_is_out_of_range(value: int) -> None:
+    parameters = read_parameters(f"N5000 P1\nN5074 P{value}").parameters
+    assert f"is {value}: 1 to 3 is expected" in str(check(parameters, parameters.interface)[0])

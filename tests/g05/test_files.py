@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import tracemalloc
+import zipfile
 from pathlib import Path
 from typing import Any, Final
 
@@ -163,7 +164,7 @@ def test_encode_check_and_decode(program: Path, tmp_path: Path) -> None:
     looked = run("check", made, *FAST_AXES, "--unit-time", 2, "--baud", 86400, "--picture", drawn, "--json")
     assert looked.outcome == (0, "complete"), looked.stderr
     assert looked.named("section")[0]["records"] == fields["records"]
-    assert drawn.read_text().startswith("<svg") and "acceleration, mm/s²" in drawn.read_text()  # noqa: PT018
+    assert drawn.read_text().startswith("<svg") and "Acceleration in mm/s²" in drawn.read_text()  # noqa: PT018
     assert run("decode", made, rows, *FAST_AXES, "--unit-time", 2).status == 0
     table = np.loadtxt(rows, delimiter=",", skiprows=1)
     assert table.shape == (fields["records"], 6)
@@ -354,3 +355,48 @@ def test_decode_writes_nothing_where_the_picture_exists(tmp_path: Path) -> None:
     assert drawn.read_text() == "mine"
     assert run("decode", source, out, "--picture", drawn, "--force").status == 0
     assert drawn.read_text().startswith("<svg")
+
+
+def npy(shape: str, version: bytes = b"\x01\x00", kind: str = "<f8") -> bytes:
+    head = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}".encode().ljust(117) + b"\n"
+    return b"\x93NUMPY" + version + len(head).to_bytes(2, "little") + head
+
+
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        (npy("(100000000000, 3)") + bytes(50_000_000), "more than 1 GiB"),
+        (npy("(100000, 3)") + bytes(1000), "cannot be read as npz"),
+        (npy("(3, 3)", b"\x09\x00") + bytes(72), "version"),
+        (npy("(3, 3)", kind="|O") + bytes(72), "holds object"),
+        (npy("(3, 3)", kind="<c16") + bytes(144), "holds complex128"),
+        (npy("(3, 3)"), "cannot be read"),
+        (npy("(-3, 3)") + bytes(72), "npz|shape"),
+        (npy("(9,)") + bytes(72), "shape (rows, axes)"),
+        (npy("(((((") + bytes(72), "cannot be read"),
+        (b"", "cannot be read"),
+    ],
+)
+def test_an_archive_cannot_expand_without_bound(tmp_path: Path, content: bytes, what: str) -> None:
+    """50 MB of zeros are 50 KB packed; what an array would take is known before it is unpacked."""
+    source = tmp_path / "in.npz"
+    with zipfile.ZipFile(source, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("position.npy", content)
+    tracemalloc.start()
+    try:
+        done = run("encode", source, tmp_path / "out.g05", "--from", "table")
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert done.status == 2, done.stderr
+    assert any(word in done.stderr for word in what.split("|")), done.stderr
+    assert peak < 5_000_000, peak
+
+
+def test_one_csv_is_not_for_sections_with_different_axes(tmp_path: Path) -> None:
+    source, out = tmp_path / "in.nc", tmp_path / "out.csv"
+    source.write_bytes(BEFORE + section(SPECIAL, 100) + b"G05\n" + section(Layout(axis_count=4), 100) + AFTER)
+    done = run("decode", source, out)
+    assert (done.status, "section 2 has 4 axes and those before it 3" in done.stderr) == (2, True), done.stderr
+    assert not out.exists()
+    assert run("decode", source, tmp_path / "out.npz").status == 0

@@ -151,9 +151,10 @@ PLAIN = st.sampled_from(["X1.Y2.\n", "X1.5\nY-.5Z3.\n", "G1X.1F20.\n", "G00X5.\n
 @given(
     parts=st.lists(st.one_of(LINES.map(lambda line: line + "\n"), PLAIN.map(lambda line: line * 20)), max_size=8),
     cuts=st.lists(st.integers(0, 600), max_size=3),
+    distance=st.sampled_from(["", "G91", "G20", "G91G20F7."]),
 )
-def test_runs_are_read_as_block_by_block(parts: list[str], cuts: list[int]) -> None:
-    text = "G01X0Y0Z0F100.\nX1.\n" + "".join(parts)
+def test_runs_are_read_as_block_by_block(parts: list[str], cuts: list[int], distance: str) -> None:
+    text = f"G01X0Y0Z0F100.\n{distance}X1.\n" + "".join(parts)
     places = [0, *sorted(min(cut, len(text)) for cut in cuts), len(text)]
     whole = outcome([text[begin:end] for begin, end in itertools.pairwise(places)])
     assert whole == outcome(text.splitlines(keepends=True))

@@ -222,6 +222,7 @@ def test_memory_does_not_grow_with_the_program() -> None:
         ({"tolerance": 0.001}, "less than two increments"),
         ({"tolerance": -1.0}, "it is above 0"),
         ({"smoothing_ticks": 1}, "2 to 512"),
+        ({"smoothing_ticks": 512, "unit_time": UnitTime.MS_4}, "1 s is the most"),
         ({"jerk": 0.0}, "its jerk limit is 0"),
         ({"acceleration": float("nan")}, "its acceleration limit is nan"),
     ],
@@ -272,3 +273,41 @@ def test_steps_too_short_for_a_move_add_up() -> None:
     assert travel.sum(axis=0).tolist() == np.rint(points[-1] * 1000).astype(int).tolist()
     blocks = list(blocks_of([Moves(ends=points[1:], speeds=np.full(100_000, 1.0))], points[0], 1e-6))
     assert sum(map(len, blocks)) > 30_000
+
+
+@pytest.mark.parametrize("start", [0.0, 0.0004999, -2.0004999])
+@pytest.mark.parametrize("way", [0.0000002, -0.0000002, 1.0000002, 0.9999998])
+def test_the_end_is_exact_to_the_increment(start: float, way: float) -> None:
+    """Where it lies beside the half of an increment, and the last step is too short to be planned."""
+    points = np.array([[start, 0, 0], [start + round(way), 0, 0], [start + way, 0, 0]])
+    travel, _ = planned(planning_of(), points)
+    ends = np.rint(points[[0, -1]] * 1000).astype(int)
+    assert (travel.sum(axis=0) == ends[1] - ends[0]).all()
+
+
+def test_a_move_of_many_units_of_time_is_planned_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As the path it is: exact at its end, within every limit, in little memory."""
+    planning = planning_of(unit_time=UnitTime.MS_1)
+    points = np.array([[0, 0, 0], [10_000.0, 1.0, 0], [10_000, 2.0, 3.0]])
+    tracemalloc.start()
+    try:
+        monkeypatch.setattr("tapewire.g05.profile.MOST_TICKS", 1 << 13)
+        monkeypatch.setattr("tapewire.g05.plan.LONGEST_PIECE_TICKS", 1 << 9)
+        plan = Plan(planning, points[0])
+        moves = [Moves(ends=points[1:], speeds=np.full(2, 100.0))]
+        travel = np.concatenate([piece.astype(np.int16) for piece in plan.travel(moves)])
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert len(travel) > 100_000
+    assert peak < 5_000_000, peak
+    assert (travel.sum(axis=0, dtype=int) == points[-1] * 1000).all()
+    keeps_limits(planning, travel.astype(int), plan.report)
+    positions = np.cumsum(travel, axis=0, dtype=int) / 1000
+    assert farthest(positions[::97], points, planning.tolerance) <= planning.tolerance
+    assert farthest(points[1:], positions[-1000:], planning.tolerance) <= planning.tolerance
+
+
+def test_a_move_that_lasts_a_day_is_refused() -> None:
+    with pytest.raises(ProgramError, match="takes 33 hours: no program means that"):
+        planned(planning_of(), np.array([[0, 0, 0], [999_999.0, 0, 0]]), 8.333)

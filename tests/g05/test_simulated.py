@@ -8,10 +8,11 @@ from typing import Final
 import numpy as np
 import pytest
 
+from tapewire.codes import TABLES, DataCode
 from tapewire.engine import MILLISECOND, SECOND, Alarm, Event, Nanos, Notice, Outcome
 from tapewire.errors import ProgramError
 from tapewire.fanuc.tape import prepare
-from tapewire.g05.layout import AuxiliaryUse, Layout, RecordFormat
+from tapewire.g05.layout import AuxiliaryUse, BinaryInput, Layout, RecordFormat, UnitTime
 from tapewire.g05.records import encode
 from tapewire.protocols import PROTOCOLS
 from tapewire.protocols.settings import End
@@ -186,3 +187,31 @@ def test_feed_hold_stops_the_axes_and_nothing_is_lost() -> None:
     pair.step(world.now)
     world.run_until(lambda: not binary(pair).active)
     assert (binary(pair).records_executed, binary(pair).interruptions) == (2000, 0)
+
+
+def test_a_feed_hold_in_an_interruption_ends_neither() -> None:
+    """8 ms of it before the hold, which lasts nearly a second, and 20 behind it: one interruption of 28 ms, not two."""
+    control = BinaryOperation(BinaryInput(layout=SPECIAL, unit_time=UnitTime.MS_2), TABLES[DataCode.ASCII].to_ascii)
+    control.sees(b"G05\n")
+    record = encode(np.array([[1, 2, 3]]), SPECIAL).tobytes()
+    assert control.step(bytearray(record), 0)
+    assert not control.step(bytearray(), 2 * MILLISECOND)
+    control.hold(10 * MILLISECOND)
+    assert control.next_deadline() is None
+    control.go(SECOND)
+    assert not control.step(bytearray(), SECOND)
+    assert control.step(bytearray(record), SECOND + 20 * MILLISECOND)
+    assert control.interruptions == 1
+    assert (control.interrupted, control.longest_interruption) == (28 * MILLISECOND, 28 * MILLISECOND)
+    assert control.due == SECOND + 22 * MILLISECOND
+    assert control.step(bytearray(SPECIAL.exit_record), SECOND + 22 * MILLISECOND)
+    assert not control.active
+
+
+def test_an_interruption_before_the_exit_record_is_counted() -> None:
+    control = BinaryOperation(BinaryInput(layout=SPECIAL, unit_time=UnitTime.MS_2), TABLES[DataCode.ASCII].to_ascii)
+    control.sees(b"G05\n")
+    assert control.step(bytearray(encode(np.array([[1, 2, 3]]), SPECIAL).tobytes()), 0)
+    assert not control.step(bytearray(), 2 * MILLISECOND)
+    assert control.step(bytearray(SPECIAL.exit_record), 5 * MILLISECOND)
+    assert (control.active, control.interruptions, control.interrupted) == (False, 1, 3 * MILLISECOND)

@@ -144,6 +144,39 @@ def test_compliance_claims_no_machine_that_nobody_has_seen() -> None:
     assert [row for row in rows if "**no**" not in row[2] and "`test_" not in row[3]] == []
 
 
+def fanuc_rows() -> list[list[str]]:
+    """Of the manual of the remote buffer, in their order."""
+    table = COMPLIANCE.read_text().partition("## FANUC")[2].partition("\n## ")[0]
+    return [row for row in table_rows(table) if row[0] != "clause"]
+
+
+def test_compliance_goes_by_the_clauses_of_the_manual_and_says_nothing_twice() -> None:
+    rows = fanuc_rows()
+    clauses = [[int(number) for number in row[0].split(" ")[0].rstrip(",").split(".")] for row in rows]
+    assert clauses == sorted(clauses)
+    assert {clause[0] for clause in clauses} == set(range(1, 13))
+    said = [(row[0], row[1]) for row in rows]
+    assert len(said) == len(set(said))
+
+
+def test_compliance_names_a_test_after_the_clause_in_chapters_8_10_11_and_12() -> None:
+    without = []
+    for clause, asked, how, tests, _ in fanuc_rows():
+        chapter = clause.split(" ")[0].split(".")[0]
+        named = re.search(rf"`test_(\w+_)?({chapter}_|\d{{4}}_|sr\d{{3}}_)", tests)
+        if chapter in ("8", "10", "11", "12") and "**no**" not in how and not named:
+            without.append((clause, asked))
+    assert without == []
+
+
+def test_compliance_knows_every_clause_that_a_test_of_chapters_8_to_12_is_named_after() -> None:
+    there = [f"{row[0].split(' ')[0].rstrip(',')}." for row in fanuc_rows()]
+    sources = "\n".join(path.read_text() for path in python_files("tests"))
+    named = {name.replace("_", ".") for name in re.findall(r"def test_((?:8|9|10|11|12)_[1-9])_", sources)}
+    assert len(named) > 8
+    assert [name for name in sorted(named) if not any(clause.startswith(f"{name}.") for clause in there)] == []
+
+
 def events_of_json() -> dict[str, set[str]]:
     """What `--json` may say, and the fields of each: reports as they are called, but for two."""
     other_names = {StopDistanceTold: "stop_distance", AfterStop: "after_dc3", Result: "end"}

@@ -190,7 +190,11 @@ class _Options:
         from tapewire.cli.fanuc import parameters_of
 
         values = parameters_of(self.parameters).parameters
-        return replace(_Told.of(_with_a_line(values) if self.panel else values, self.protocol), parameters=values)
+        try:
+            told = _Told.of(_with_a_line(values) if self.panel else values, self.protocol)
+        except UsageError as error:
+            raise UsageError(f"{self.parameters}: {error}") from None
+        return replace(told, parameters=values)
 
     def told_by(self, values: ParameterSet) -> _Told:
         """The same when an operator has changed the parameters: the protocol may be another one now."""

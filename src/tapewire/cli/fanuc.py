@@ -82,12 +82,15 @@ def host_settings_command(
     must be seen to first.
     """
     values = parameters_of(params).parameters
-    settings = host_settings(
-        values,
-        board=_INTERFACES[interface] if interface else None,
-        protocol=protocol,
-        cable_length_m=cable_length,
-    )
+    try:
+        settings = host_settings(
+            values,
+            board=_INTERFACES[interface] if interface else None,
+            protocol=protocol,
+            cable_length_m=cable_length,
+        )
+    except UsageError as error:
+        raise UsageError(f"{params}: {error}") from None
     for verb in ("send", "receive") if settings.receives else ("send",):
         click.echo(settings.command(verb))
     if simulated:

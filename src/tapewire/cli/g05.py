@@ -91,6 +91,8 @@ def check(file: Path, picture: Path | None, force: bool, as_json: bool, **words:
     more = checked.section_count - len(checked.sections)
     if more:
         _say(f"and {more:,} more sections")
+    for problem in checked.problems:
+        _say(problem)
     verdict = _verdict(checked)
     _say(verdict)
     if as_json:
@@ -289,7 +291,7 @@ def _say_section(section: SectionChecked) -> None:
 
 
 def _verdict(checked: Checked) -> str:
-    if not checked.section_count:
+    if not checked.section_count and not checked.problems:
         return "there is no G05 section: no block that is G05 alone"
     if checked.problem_count:
         return f"not sound: {checked.problem_count:,} problems in {checked.section_count:,} sections"

@@ -29,7 +29,8 @@ LONGEST_FILE_BYTES: Final = 8 << 20
 """The largest control has some ten thousand parameters for each of 24 axes; a file beyond this is none of them."""
 
 _BLOCK: Final = re.compile(r"N(?P<number>\d{1,6})(?P<rest>[^N]*)\Z", re.I)
-_VALUE: Final = re.compile(r"P(?P<value>[+-]?\d{1,10})\Z", re.I)
+_VALUE: Final = re.compile(r"P(?P<value>[+-]?\d{1,40})\Z", re.I)
+_TORN: Final = re.compile(r"\d[ \t]+\d")
 _COMMENT: Final = re.compile(r"\([^()\n]*\)")
 _BITS: Final = re.compile(r"[01]{1,8}\Z")
 _NO_PARAMETER: Final = re.compile(r"(%.*|[O:]\d+.*|G10.*|G11|M\d+|)\Z", re.I)
@@ -73,9 +74,14 @@ def _read_punch(text: str) -> ParameterFile:
 
 
 def _blocks(text: str) -> Iterator[tuple[str, str]]:
-    """Every block without blanks, and which line it is on. On one line `;` ends a block too."""
+    """Every block without blanks, and which line it is on. On one line `;` ends a block too.
+
+    Digits with a blank between them are two words, of which one lost its letter: `N5074 3` is not No. 50743.
+    """
     for line_number, line in enumerate(text.splitlines(), start=1):
         for part in line.split(";"):
+            if torn := _TORN.search(part):
+                raise UsageError(f"line {line_number}: {torn[0]!r}: a letter is missing before the second number")
             block = "".join(character for character in part if not character.isspace() and character != "\x00")
             yield f"line {line_number}", block
 
@@ -115,8 +121,11 @@ def _put(values: dict[int, int], number: int, value: int, where: str) -> None:
 def _read_toml(text: str) -> ParameterFile:
     try:
         document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise UsageError(f"the parameter file is no TOML: {error}") from None
+    except RecursionError:
+        raise UsageError("the parameter file is no TOML: brackets within brackets without end") from None
+    except ValueError as error:
+        # A number of thousands of digits is an error of Python's own, and no TOMLDecodeError.
+        raise UsageError(f"the parameter file is no TOML: {str(error).partition(';')[0]}") from None
     table = document.get("parameters", document)
     if not isinstance(table, dict):
         raise UsageError("`parameters` must be a table, as in [parameters]")

@@ -18,7 +18,7 @@ from tapewire.g05.modes import ModalWatch
 from tapewire.g05.motion import Motion, Sketch
 from tapewire.g05.reading import DECISION_BYTES, Pieces, found_layout
 from tapewire.g05.records import Records, decode_as_they_are, faults
-from tapewire.g05.sections import BlockWatch, ExitFinder
+from tapewire.g05.sections import BlockWatch, ExitFinder, find_g05_with_point
 
 __all__ = ["Asked", "AxisMotion", "Checked", "SectionChecked", "check"]
 
@@ -87,6 +87,8 @@ class Checked:
     sections: list[SectionChecked] = field(default_factory=list)
     section_count: int = 0
     problem_count: int = 0
+    problems: list[str] = field(default_factory=list)
+    """Of the text around the sections; they are in `problem_count`."""
     sketch: Sketch | None = None
 
     @property
@@ -105,27 +107,41 @@ class _Checker:
         self._asked = asked
         self._watch = BlockWatch()
         self._modes = ModalWatch()
-        self._line = b""
+        self._text = _Text()
         self._checked = Checked()
 
     def run(self) -> Checked:
         while data := self._source.piece():
             begins = self._watch.feed(data)
-            text = self._line + (data if begins is None else data[:begins])
-            cut = text.rfind(b"\n") + 1
-            self._modes.feed(text[:cut])
-            self._line = text[cut:][-LONGEST_LINE:]
+            line = self._source.line - data.count(b"\n")
+            block = self._text.take(data if begins is None else data[:begins], line, self._modes)
             if begins is not None:
                 self._source.give_back(data[begins:])
-                self._section(text)
+                self._section(block)
+        if self._text.point_line:
+            self._checked.problem_count += 1
+            self._checked.problems.append(
+                f"line {self._text.point_line}: G05 with a decimal point is not taken for G05, which has none (9.1): "
+                "what follows it is read as text here; write G05"
+            )
         return self._checked
 
-    def _section(self, text: bytes) -> None:
+    def _section(self, block: bytes) -> None:
         section = _Section(self._asked, self._source.line - 1, self._source.offset)
         if self._modes.forbidden:
             modes = ", ".join(self._modes.forbidden)
             section.problem(f"G05 in a mode in which it is an alarm, SR891: {modes} (9.3 note 2)")
-        if text.endswith(b"\r\n"):
+        if self._text.end_line:
+            section.problem(
+                f"% in line {self._text.end_line} ends the data for the control (EOR), in a comment too: it never gets "
+                "here"
+            )
+        if self._text.blocks == 1:
+            section.notes.append(
+                "G05 is the first block, which the control passes over (label skip): `send` puts % and an EOB before "
+                "it, and with --raw the records would be read as text"
+            )
+        if block.endswith(b"\r\n"):
             section.notes.append("the block G05 ends with CR LF: `send` drops the CR before the records")
         head = self._source.at_least(DECISION_BYTES)
         section.begin(head)
@@ -146,6 +162,41 @@ class _Checker:
         if len(checked.sections) < MOST_SECTIONS:
             checked.sections.append(report)
         checked.sketch = checked.sketch or section.sketch
+
+
+class _Text:
+    """The text around the sections, as the control takes it: label skip at its beginning, EOR at its end."""
+
+    def __init__(self) -> None:
+        self.blocks = 0
+        """How many have ended."""
+        self.end_line = 0
+        """Of the first % behind label skip; 0 while none has come."""
+        self.point_line = 0
+        """Of the first block that is G05 with a decimal point."""
+        self._label_skip = True
+        self._rest = b""
+
+    def take(self, data: bytes, line: int, modes: ModalWatch) -> bytes:
+        """`data` begins in `line`. Returns the end of it from the last EOB but one."""
+        if not self.end_line:
+            self._look_for_end(data, line)
+        joined = self._rest + data
+        cut = joined.rfind(b"\n") + 1
+        blocks, self._rest = joined[:cut], joined[cut:][-LONGEST_LINE:]
+        self.blocks += blocks.count(b"\n")
+        modes.feed(blocks)
+        if not self.point_line and (at := find_g05_with_point(blocks)) is not None:
+            self.point_line = line + blocks.count(b"\n", 0, at)
+        return blocks[blocks.rfind(b"\n", 0, max(len(blocks) - 1, 0)) + 1 :]
+
+    def _look_for_end(self, data: bytes, line: int) -> None:
+        begin = 0
+        if self._label_skip:
+            begin = data.find(b"\n") + 1
+            self._label_skip = not begin
+        if not self._label_skip and (at := data.find(b"%", begin)) >= 0:
+            self.end_line = line + data.count(b"\n", 0, at)
 
 
 class _Section:

@@ -16,6 +16,8 @@ __all__ = ["Axis", "Floats", "Machine", "Planning"]
 Floats = NDArray[np.float64]
 
 MOST_SMOOTHING_TICKS: Final = 512
+MOST_SMOOTHING_S: Final = 1.0
+"""Of one average. Longer ones leave a corner no speed at all within any tolerance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,6 +93,11 @@ class Planning:
             raise UsageError(
                 f"smoothing over {self.smoothing_ticks} units of time: 2 to {MOST_SMOOTHING_TICKS} will do"
             )
+        if self.smoothing_ticks is not None and self.smoothing_ticks * self.tick_s > MOST_SMOOTHING_S:
+            raise UsageError(
+                f"smoothing over {self.smoothing_ticks} units of {self.unit_time.value} ms is "
+                f"{self.smoothing_ticks * self.tick_s:g} s for each average: {MOST_SMOOTHING_S:g} s is the most"
+            )
         if self.tolerance * self.machine.per_unit.min() < 2:
             raise UsageError(
                 f"a path tolerance of {self.tolerance:g} is less than two increments: rounding alone takes one"
@@ -107,7 +114,8 @@ class Planning:
             return self.smoothing_ticks
         jerk = float(self.machine.jerk.min())
         balanced = (BALANCE * self.tolerance / jerk) ** (1 / 3)
-        return int(min(max(round(balanced / self.tick_s), 2), MOST_SMOOTHING_TICKS))
+        most = min(MOST_SMOOTHING_TICKS, int(MOST_SMOOTHING_S / self.tick_s))
+        return int(min(max(round(balanced / self.tick_s), 2), most))
 
 
 BALANCE: Final = 16.0

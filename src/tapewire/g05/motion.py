@@ -89,6 +89,7 @@ class Sketch:
     def __init__(self, machine: Machine, tick_s: float) -> None:
         self.tick_s = tick_s
         self.names = machine.names
+        self.units = tuple(str(axis.unit) for axis in machine.axes)
         self.points: list[tuple[float, float]] = [(0.0, 0.0)]
         self.speed = _Envelope(1, [])
         self.acceleration = _Envelope(1, [])
@@ -111,6 +112,11 @@ class Sketch:
         self._keep(where)
         self._position, self._before = where[-1], velocity[-1]
         self.records += len(travel)
+
+    @property
+    def end(self) -> tuple[float, float]:
+        """Where the first two axes are."""
+        return float(self._position[0]), float(self._position[1]) if len(self._position) > 1 else 0.0
 
     def _keep(self, where: Floats) -> None:
         picked = where[(-self.records - 1) % self._every :: self._every]

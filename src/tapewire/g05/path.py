@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 from tapewire.errors import ProgramError
 from tapewire.g05.limits import Floats
 
-__all__ = ["BLOCK_MOVES", "Moves", "Path", "blocks_of"]
+__all__ = ["BLOCK_MOVES", "FARTHEST", "Moves", "Path", "blocks_of"]
 
 BLOCK_MOVES: Final = 16_384
 """Moves planned at a time: large against the cost of a call, small against any memory."""
+
+FARTHEST: Final = 1e6
+"""No axis is longer; beyond it the decimals of a position would suffer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,6 +70,26 @@ class Path:
             speeds=np.concatenate([self.speeds, other.speeds]),
         )
 
+    def in_pieces(self, counts: NDArray[np.int64]) -> Iterator[Path]:
+        """Each move in so many equal pieces one behind the other, in paths of at most `BLOCK_MOVES`."""
+        total, ends = int(counts.sum()), np.cumsum(counts)
+        for begin in range(0, total, BLOCK_MOVES):
+            numbers = np.arange(begin, min(begin + BLOCK_MOVES, total))
+            moves = np.searchsorted(ends, numbers, "right")
+            done = numbers - (ends - counts)[moves]
+            steps = self.directions[moves] * self.lengths[moves, None]
+            shares = np.stack([done, done + 1]) / counts[moves]
+            starts, stops = self.starts[moves] + steps * shares[..., None]
+            last = done + 1 == counts[moves]
+            stops[last] = self.ends[moves[last]]
+            yield Path(
+                starts=starts,
+                ends=stops,
+                lengths=self.lengths[moves] / counts[moves],
+                directions=self.directions[moves],
+                speeds=self.speeds[moves],
+            )
+
     @classmethod
     def empty(cls, axis_count: int) -> Path:
         none, nowhere = np.empty(0), np.empty((0, axis_count))
@@ -113,7 +136,7 @@ def _long_enough(ends: Floats, lengths: Floats, shortest: float) -> NDArray[np.b
 
 
 def _refuse_nonsense(block: Moves, before: int) -> None:
-    wrong = ~np.isfinite(block.ends).all(axis=1) | (np.abs(block.ends) > 1e6).any(axis=1) | ~(block.speeds > 0)
+    wrong = ~np.isfinite(block.ends).all(axis=1) | (np.abs(block.ends) > FARTHEST).any(axis=1) | ~(block.speeds > 0)
     if wrong.any():
         index = int(np.argmax(wrong))
         raise ProgramError(

@@ -13,7 +13,7 @@ from tapewire.errors import ProgramError
 from tapewire.g05.contour import beyond_limits, chord_errors, contour_errors
 from tapewire.g05.corners import Bounds, corner_speeds
 from tapewire.g05.limits import Floats, Planning
-from tapewire.g05.path import BLOCK_MOVES, Moves, Path, blocks_of
+from tapewire.g05.path import BLOCK_MOVES, FARTHEST, Moves, Path, blocks_of
 from tapewire.g05.profile import Samples, sample, sweep
 from tapewire.g05.quantise import Quantiser
 from tapewire.g05.smoothing import smooth
@@ -25,6 +25,12 @@ SLOWER: Final = 0.8
 
 MOST_ROUNDS: Final = 40
 """0.8^40 is a ten-thousandth: a place that is still wrong then is wrong by its nature."""
+
+LONGEST_PIECE_TICKS: Final = 1 << 14
+"""Longer moves are planned in pieces."""
+
+LONGEST_MOVE_S: Final = 24 * 3600.0
+"""No move lasts a day; a forgotten decimal point makes one that does."""
 
 BENT: Final = 0.02
 """Corners that change the direction by more than this (in length of the difference, one degree) are looked at
@@ -70,6 +76,10 @@ class Plan:
     """Plans the moves handed to `travel`, from `start` (units). `report` is complete when that has ended."""
 
     def __init__(self, planning: Planning, start: Floats) -> None:
+        if not (np.abs(start) <= FARTHEST).all():
+            raise ProgramError(
+                f"the axes stand at {start.tolist()} before the first move: positions are finite and below a million"
+            )
         machine, tick = planning.machine, planning.tick_s
         self.planning = planning
         self.report = Report()
@@ -99,6 +109,7 @@ class Plan:
         self._out = np.repeat(start[:, None], 3 + self._ticks, axis=1)
         self._quantiser = Quantiser(np.rint(start * self._per_unit).astype(np.int64))
         self._peaks = [np.zeros(len(start)) for _ in range(3)]
+        self._end = start
 
     def _slowest_limit(self, planning: Planning) -> Floats:
         """One increment per unit time is kept free, so that rounding breaks no limit; nor does a record's range."""
@@ -117,18 +128,27 @@ class Plan:
         """(records, axes) of increments, piece by piece. Raises ProgramError for what cannot be planned."""
         shortest = 1e-3 / float(self._per_unit.max())
         start = self._raw[:, -1].copy()
-        for block in blocks_of(moves, start, shortest):
+        self._end = start
+        for block in blocks_of(self._watched(moves), start, shortest):
             self._refuse_creeping(block)
             self.report.moves += len(block)
             self.report.path_length += float(block.lengths.sum())
-            self._pending = self._pending.joined(block)
-            self._slow = np.concatenate([self._slow, np.ones(len(block))])
-            while len(self._pending) >= 2 * BLOCK_MOVES:
-                yield self._quantised(self._advance(last=False))
+            for part in self._in_pieces(block):
+                self._pending = self._pending.joined(part)
+                self._slow = np.concatenate([self._slow, np.ones(len(part))])
+                while len(self._pending) >= 2 * BLOCK_MOVES:
+                    yield self._quantised(self._advance(last=False))
         while len(self._pending):
             yield self._quantised(self._advance(last=len(self._pending) < 2 * BLOCK_MOVES))
-        yield self._counted(self._quantiser.finish())
+        yield self._counted(self._quantiser.finish(self._end * self._per_unit))
         self._close()
+
+    def _watched(self, moves: Iterable[Moves]) -> Iterator[Moves]:
+        """Where they end, moves too short to be planned included."""
+        for block in moves:
+            if len(block):
+                self._end = block.ends[-1]
+            yield block
 
     def _refuse_creeping(self, path: Path) -> None:
         """A feed below an increment per unit time would need units of time without motion."""
@@ -141,6 +161,20 @@ class Plan:
                 f"slower than one increment per unit time ({creeping[index] * 60:.4g} a minute): records "
                 "without motion cannot be sent; take a longer unit time or a finer increment system"
             )
+
+    def _in_pieces(self, path: Path) -> Iterator[Path]:
+        """Moves of many units of time are cut up, so that what is planned at once is bounded. Refuses endless ones."""
+        fastest = self._fastest(path)
+        accelerations = self._bounds.accelerations(path)
+        seconds = path.lengths / fastest + 2 * np.sqrt(path.lengths / accelerations)
+        if seconds.max() > LONGEST_MOVE_S:
+            index = int(np.argmax(seconds))
+            raise ProgramError(
+                f"the move to {np.round(path.ends[index], 4).tolist()} takes {seconds[index] / 3600:,.0f} hours: no "
+                "program means that; look for a missing decimal point, or a feed or a limit that is too low"
+            )
+        counts = np.ceil(seconds / (LONGEST_PIECE_TICKS * self._tick_s)).astype(np.int64)
+        return iter([path]) if counts.max() == 1 else path.in_pieces(counts)
 
     def _quantised(self, points: Floats) -> NDArray[np.int64]:
         return self._counted(self._quantiser.travel(points * self._per_unit[:, None]))
@@ -219,6 +253,8 @@ class Plan:
             self._tick_s,
             self._first_s,
         )
+        last = last and len(samples.begins_s) > settled
+        settled = len(samples.begins_s) - 1
         moves, ticks = (settled, samples.points.shape[1]) if last else self._going_out(samples, settled)
         raw = np.concatenate([self._raw, samples.points], axis=1)
         raw_moves = np.concatenate([self._raw_moves, samples.moves + len(self._behind)])

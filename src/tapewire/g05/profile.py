@@ -7,6 +7,7 @@ to too fast is one sweep forwards and one backwards over the squares of the spee
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from tapewire.g05.limits import Floats
 from tapewire.g05.path import Path
 
 __all__ = ["Samples", "Speeds", "sample", "sweep"]
+
+MOST_TICKS: Final = 1 << 18
+"""Units of time planned at once: a few long moves take as many as very many short ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +56,10 @@ class Samples:
 def sample(
     path: Path, speeds: Floats, fastest: Floats, accelerations: Floats, tick_s: float, first_s: float
 ) -> Samples:
-    """Run along the path; the first tick is `first_s` after its beginning, the last before its end."""
+    """Run along the path; the first tick is `first_s` after its beginning, the last before its end.
+
+    Only as many moves are run along, one at least, as make no more than `MOST_TICKS`.
+    """
     entry, leave = speeds[:-1], speeds[1:]
     doubled = 2 * accelerations
     peak = np.sqrt(np.minimum(fastest**2, (entry**2 + leave**2 + doubled * path.lengths) / 2))
@@ -66,6 +73,9 @@ def sample(
     ends = np.cumsum(times.ravel())
     counts = np.floor((ends - first_s) / tick_s).astype(np.int64) + 1
     counts = np.maximum.accumulate(np.maximum(counts, 0))
+    if counts[-1] > MOST_TICKS:
+        taken = max(int(np.searchsorted(counts[2::3], MOST_TICKS, "right")), 1)
+        ends, counts = ends[: 3 * taken], counts[: 3 * taken]
     total = int(counts[-1])
     piece = np.repeat(np.arange(len(ends)), np.diff(counts, prepend=0))
     begins = np.concatenate([[0.0], ends[:-1]])

@@ -48,10 +48,9 @@ class Quantiser:
         self._moving = True
         return self._finished(exact[:, begin:end], whole[:, begin:end], steps[:, begin : end + 1])
 
-    def finish(self) -> Whole:
-        """The last travel."""
-        whole = np.rint(self._held[:, :1]).astype(np.int64)
-        steps = self._steps(whole)
+    def finish(self, end: Floats) -> Whole:
+        """The last travel, to `end` (axes,) exactly, whatever has become of the last decimals on the way there."""
+        steps = self._steps(np.rint(end).astype(np.int64)[:, None])
         return np.ascontiguousarray(steps[:, steps.any(axis=0)].T)
 
     def _steps(self, whole: Whole) -> Whole:
@@ -71,27 +70,21 @@ class Quantiser:
     def _without_pauses(self, exact: Floats, whole: Whole, steps: Whole, still: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Changes `whole` where an increment goes ahead; says which units of time are kept."""
         kept = np.ones(whole.shape[1], np.bool_)
-        stands = {int(index) for index in still}
-        for index in sorted(stands):
+        creeps = _creeping(steps)[still]
+        if creeps.all():
+            kept[still] = False
+            self.left_out += len(still)
+            return kept
+        for index, creeping in zip(still.tolist(), creeps.tolist(), strict=True):
             before = whole[:, index - 1] if index else self._last
             if (whole[:, index] != before).any():
                 continue
-            if self._creeps(steps, index, stands):
+            if creeping:
                 kept[index] = False
                 self.left_out += 1
             else:
                 self._move_ahead(exact, whole, before, index)
         return kept
-
-    @staticmethod
-    def _creeps(steps: Whole, index: int, stands: set[int]) -> bool:
-        ahead, behind = index + 1, index - 1
-        while ahead in stands:
-            ahead += 1
-        while behind in stands:
-            behind -= 1
-        beside = [steps[:, at] for at in (behind, ahead) if at >= 0]
-        return all(np.abs(step).max() <= 1 for step in beside)
 
     def _move_ahead(self, exact: Floats, whole: Whole, before: Whole, index: int) -> None:
         """One axis to the whole increment on the other side of where it should be; what follows is taken from there."""
@@ -102,3 +95,13 @@ class Quantiser:
             self.moved_ahead += 1
             before = whole[:, index]
             index += 1
+
+
+def _creeping(steps: Whole) -> NDArray[np.bool_]:
+    """Where no step beside, before the pause and behind it, is longer than an increment."""
+    sizes = np.abs(steps).max(axis=0)
+    places = np.arange(len(sizes))
+    before = np.maximum.accumulate(np.where(sizes > 0, places, -1))
+    behind = np.minimum.accumulate(np.where(sizes > 0, places, len(sizes) - 1)[::-1])[::-1]
+    creeping: NDArray[np.bool_] = np.maximum(np.where(before >= 0, sizes[before], 0), sizes[behind]) <= 1
+    return creeping

@@ -19,6 +19,7 @@ __all__ = [
     "Section",
     "SectionScan",
     "find_g05",
+    "find_g05_with_point",
     "g05_block",
     "record_lengths",
 ]
@@ -37,6 +38,7 @@ _SEVEN_BITS: Final = bytes(byte & 0x7F for byte in range(0x100))
 _TEXT_AFTER: Final = frozenset(b"\t\n\r %()/") | frozenset(range(0x20, 0x7F))
 # Binary data follows the block G05 EOB (chapter 9); block number, block skip and comments do not change that.
 _END: Final = re.compile(rb"[Gg][ \t]*(?:0[ \t]*)*5[ \t]*(?:\([^()\n]*\)[ \t]*)*\r?(?:\n|\Z)")
+_POINT: Final = re.compile(rb"[Gg][ \t]*(?:0[ \t]*)*5[ \t]*\.[ \t0]*(?:\([^()\n]*\)[ \t]*)*\r?(?:\n|\Z)")
 _BEGINNING: Final = re.compile(rb"(?:/[1-9]?)?(?:[Nn][0-9]+)?")
 _COMMENT: Final = re.compile(rb"\([^()\n]*\)")
 
@@ -49,7 +51,21 @@ def find_g05(text: bytes, start: int = 0) -> int | None:
 
 def g05_block(text: bytes, start: int = 0) -> tuple[int, int] | None:
     """(offset of the G, offset behind the EOB, if it has one) of the first block of ASCII text that is G05 alone."""
-    for match in _END.finditer(text, start):
+    return _alone(_END, text, start)
+
+
+def find_g05_with_point(text: bytes) -> int | None:
+    """The offset of the G of the first block that is `G05.` alone, which is not the block G05.
+
+    The manual writes G05 without a point, and a number with one is for addresses of lengths and times: what a control
+    makes of it, G05 or an alarm, is nowhere stated.
+    """
+    found = _alone(_POINT, text, 0)
+    return None if found is None else found[0]
+
+
+def _alone(pattern: re.Pattern[bytes], text: bytes, start: int) -> tuple[int, int] | None:
+    for match in pattern.finditer(text, start):
         begin = text.rfind(b"\n", 0, match.start()) + 1
         if match.end() - begin > LONGEST_BLOCK:
             continue

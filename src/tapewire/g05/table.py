@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
-from typing import IO, Final
+from typing import IO, TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +14,15 @@ from numpy.typing import NDArray
 from tapewire.errors import ProgramError
 from tapewire.g05.limits import Floats
 
+if TYPE_CHECKING:
+    from zipfile import ZipFile
+
 __all__ = ["Table", "read_csv", "read_npz"]
 
 ROWS: Final = 16_384
 LONGEST_LINE: Final = 10_000
+MOST_ARRAY_BYTES: Final = 1 << 30
+"""Of one array of an npz file: 44 million positions of three axes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,14 +95,42 @@ def _refusal(lines: Sequence[str], columns: int, name: str, number: int) -> Prog
 
 
 def read_npz(file: IO[bytes], name: str, key: str) -> dict[str, NDArray[np.float64]]:
-    """The arrays of an npz file, none of them pickled; `key` must be among them. Raises ProgramError."""
+    """The arrays `key` and, if it is there, 'feed' of an npz file; nothing pickled. Raises ProgramError.
+
+    What an array would take in memory is known, and refused, before any of it is unpacked.
+    """
+    import zipfile
+
     try:
-        with np.load(file, allow_pickle=False) as archive:
-            arrays = {word: np.asarray(archive[word], np.float64) for word in archive.files if word in (key, "feed")}
-    except (ValueError, OSError, KeyError, EOFError, TypeError, MemoryError) as error:
-        raise ProgramError(f"{name}: cannot be read as npz ({error})") from None
-    except Exception as error:  # zipfile has its own errors, and numpy hands them on
-        raise ProgramError(f"{name}: cannot be read as npz ({type(error).__name__})") from None
+        with zipfile.ZipFile(file) as archive:
+            there = set(archive.namelist()) & {f"{key}.npy", "feed.npy"}
+            arrays = {member.removesuffix(".npy"): _array(archive, member, name) for member in there}
+    except ProgramError:
+        raise
+    except Exception as error:  # a damaged archive makes zipfile, zlib and numpy raise nearly anything
+        why = str(error) or type(error).__name__
+        raise ProgramError(f"{name}: cannot be read as npz ({why[:200]})") from None
     if key not in arrays or arrays[key].ndim != 2:
         raise ProgramError(f"{name}: an array {key!r} of shape (rows, axes) is expected in it")
     return arrays
+
+
+_HEADERS: Final = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+
+
+def _array(archive: ZipFile, member: str, name: str) -> NDArray[np.float64]:
+    with archive.open(member) as packed:
+        version = np.lib.format.read_magic(packed)
+        if version not in _HEADERS:
+            raise ProgramError(f"{name}: {member} is in version {version} of the format: 1.0 and 2.0 are read")
+        shape, _, dtype = _HEADERS[version](packed)
+    if dtype.kind not in "iuf":
+        raise ProgramError(f"{name}: {member} holds {str(dtype)[:60]} and no numbers")
+    if math.prod(shape) * 8 > MOST_ARRAY_BYTES:
+        raise ProgramError(
+            f"{name}: {member} is of shape {str(shape)[:60]}, more than {MOST_ARRAY_BYTES >> 30} GiB in memory: write "
+            "it as CSV, which is read in pieces"
+        )
+    with archive.open(member) as packed:
+        array: NDArray[np.float64] = np.lib.format.read_array(packed, allow_pickle=False).astype(np.float64, copy=False)
+    return array

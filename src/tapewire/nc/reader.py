@@ -20,7 +20,7 @@ import numpy as np
 from tapewire.errors import ProgramError
 from tapewire.g05.modes import ModalWatch
 from tapewire.g05.path import Moves
-from tapewire.g05.sections import find_g05
+from tapewire.g05.sections import find_g05, find_g05_with_point
 from tapewire.nc.arcs import RADIUS_ERROR_MM, Arc, chords
 from tapewire.nc.modal import MODES, Modal, Places, is_plain
 from tapewire.nc.text import PlainRuns, ProgramText, Words, refusal_at
@@ -177,7 +177,8 @@ class NcReader:
     def _keep(self, blocks: list[str], kept: str) -> None:
         if len(blocks) >= MOST_KEPT_BLOCKS:
             raise self._text.refusal(f"is the block number {MOST_KEPT_BLOCKS + 1:,} without a move of known place")
-        if find_g05(kept.encode("latin-1", "replace")) is not None:
+        text = kept.encode("latin-1", "replace")
+        if find_g05(text) is not None or find_g05_with_point(text) is not None:
             raise self._text.refusal("is G05 already: take it out, or decode the section that follows")
         blocks.append(kept)
 
@@ -186,7 +187,7 @@ class NcReader:
     def _plain_run(self) -> Moves | None:
         """The run of plain moves that follows, if it is worth it."""
         modal, text = self._modal, self._text
-        if self._trailer_line or modal.incremental or text.line < self._one_by_one:
+        if self._trailer_line or text.line < self._one_by_one:
             return None
         if modal.motion not in (0.0, 1.0) or (self._reading.rotary and self._scale != 1.0):
             return None
@@ -203,12 +204,16 @@ class NcReader:
             return None
         text.take(run, lines)
         scale = self._scale
-        ends = np.where(np.isnan(read.places), np.array(list(self._place.values()), np.float64), read.places * scale)
+        here = np.array(list(self._place.values()), np.float64)
+        if modal.incremental:
+            ends = np.cumsum(np.concatenate([here[None], np.nan_to_num(read.said * scale)]), axis=0)[1:]
+        else:
+            ends = np.where(np.isnan(read.carried), here, read.carried * scale)
         self._place.update(zip(self._place, ends[-1].tolist(), strict=True))
         modal.motion = float(read.motions[-1])
         if read.feed_word:
             modal.feed, modal.feed_word = float(read.feeds[-1]), read.feed_word
-        return Moves(ends=ends, speeds=np.where(fed, read.feeds * scale / 60, np.inf))
+        return Moves(ends=ends, speeds=np.where(fed, read.feeds / 60 * scale, np.inf))
 
     def _take(self, kept: str, words: Words, ends: list[tuple[float, ...]], speeds: list[float]) -> None:
         targets: dict[str, str] = {}

@@ -102,12 +102,14 @@ def refusal_at(line: int, why: str) -> ProgramError:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Plain moves: by line the motion (0 or 1), where the axes are told to go (lines, axes), and the feed; all of them
-    carried on from the line before where the block does not say them, NaN where none has.
+    """Plain moves: by line the motion (0 or 1), the lengths (lines, axes), and the feed. All but `said` are carried on
+    from the line before where the block does not say them, NaN where none has.
     """
 
     motions: NDArray[np.float64]
-    places: NDArray[np.float64]
+    said: NDArray[np.float64]
+    """The lengths as the blocks say them, NaN where they do not."""
+    carried: NDArray[np.float64]
     feeds: NDArray[np.float64]
     feed_word: str
     """The last F, empty where there is none."""
@@ -148,4 +150,4 @@ class PlainRuns:
             carried[:, index - 1] = column[said][1:]
         at = run.rfind("F") + 1
         word = re.match("[0-9.]+", run[at : at + 20]) if at else None
-        return Run(carried[:, 0], carried[:, 1:-1], carried[:, -1], word[0] if word else "")
+        return Run(carried[:, 0], table[1:, 2:-1], carried[:, 1:-1], carried[:, -1], word[0] if word else "")

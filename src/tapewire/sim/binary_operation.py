@@ -45,6 +45,8 @@ class BinaryOperation:
         self.due: Nanos | None = None
         """When the record being moved is done."""
         self._starving = False
+        self._waited: Nanos = 0
+        """How long the interruption that goes on has lasted before a feed hold."""
         self._rest: Nanos | None = None
         """Of the unit of time in which the axes were held."""
         self._told = 0
@@ -76,10 +78,15 @@ class BinaryOperation:
         return self.due if self.active and not self._starving else None
 
     def hold(self, now: Nanos) -> None:
-        """FEED HOLD, which is enabled (9.3 note 4): the rest of the unit of time waits for `go`."""
+        """FEED HOLD, which is enabled (9.3 note 4): the rest of the unit of time waits for `go`.
+
+        An interruption lasts on behind it; the hold itself is none.
+        """
         if self.due is not None:
             self._rest = max(0, self.due - now)
-            self.due, self._starving = None, False
+            if self._starving:
+                self._waited += now - self.due
+            self.due = None
 
     def go(self, now: Nanos) -> None:
         """CYCLE START after a feed hold."""
@@ -96,6 +103,7 @@ class BinaryOperation:
             return False
         record = bytes(records[:size])
         del records[:size]
+        self._end_interruption(now)
         if (sum(record[:-1]) - record[-1]) & 0xFF:
             self._stop(AlarmNumber.SR890, f"record {self.records_executed + 1:,}: {record.hex(' ')}")
         elif not any(record):
@@ -118,13 +126,15 @@ class BinaryOperation:
                 )
             )
 
+    def _end_interruption(self, now: Nanos) -> None:
+        if self._starving and self.due is not None:
+            waited = self._waited + now - self.due
+            self.interrupted += waited
+            self.longest_interruption = max(self.longest_interruption, waited)
+            self.due, self._starving, self._waited = now, False, 0
+
     def _move(self, record: bytes, now: Nanos) -> None:
         began = now if self.due is None else self.due
-        if self._starving and self.due is not None:
-            self._starving = False
-            began = now
-            self.interrupted += now - self.due
-            self.longest_interruption = max(self.longest_interruption, now - self.due)
         for axis in range(self.layout.axis_count):
             self.position[axis] += self._travel(record[2 * axis], record[2 * axis + 1])
         self.records_executed += 1
@@ -147,7 +157,7 @@ class BinaryOperation:
                 )
             )
             self._told = self.interruptions
-        self.active, self.due, self._starving, self._rest = False, None, False, None
+        self.active, self.due, self._starving, self._rest, self._waited = False, None, False, None, 0
 
     def _stop(self, number: AlarmNumber, detail: str) -> None:
         self._leave()

@@ -162,6 +162,8 @@ class Evidence:
     """How many acts came before that."""
     waited: list[str] = field(default_factory=list)
     """Who was still waiting when patience was over: the operator had to end it."""
+    moving: bool = False
+    """The control was in the middle of a block then."""
     stuck: list[str] = field(default_factory=list)
     """Who did not end even then."""
     broken: str = ""

@@ -12,6 +12,7 @@ from typing import Final
 
 from tapewire.engine import SECOND, Alarm, CncEngine, Event, Events, Nanos, Sink
 from tapewire.fanuc.alarms import text_of
+from tapewire.protocols.settings import Switch
 from tapewire.sim.binary_operation import BinaryOperation
 from tapewire.sim.program_flow import After, ProgramFlow
 
@@ -86,6 +87,9 @@ class Control:
         self._rest_of_block: Nanos = 0
         self.single_block = single_block
         """The operator's switch."""
+        self.stops_among_records = Switch.OFF
+        """Whether single block counts in binary input operation (2007#3, 9.3 note 3)."""
+        self._stopped_behind = 0
         self.motion = Motion.RUNNING
         self.flow = flow
         self.work = Work.EXECUTE
@@ -230,8 +234,15 @@ class Control:
         return self.motion is not Motion.RUNNING
 
     def _begin_record(self, now: Nanos) -> bool:
-        assert self.binary is not None
-        return self.binary.step(self._send_buffer, now)
+        binary = self.binary
+        assert binary is not None
+        is_done = binary.due is not None and binary.due <= now and binary.records_executed != self._stopped_behind
+        if is_done and self.single_block and self.stops_among_records is Switch.ON:
+            self._stopped_behind = binary.records_executed
+            self.motion = Motion.STOPPED
+            binary.hold(now)
+            return True
+        return binary.step(self._send_buffer, now)
 
     def _begin_block(self, began: Nanos) -> bool:
         """The next whole block, or what stands before the end of the program, starts to execute at `began`."""

@@ -192,6 +192,7 @@ class Nc:
 
     def _begin(self, operation: Operation, ground: Ground, request: Request) -> None:
         self.selected, self.ground, self.communicating, self._reading = operation, ground, True, None
+        self._apply_switches()
         self._ask(request)
 
     def may_begin(self, operation: Operation, ground: Ground, now: Nanos) -> bool:
@@ -255,6 +256,8 @@ class Nc:
 
     def _apply_switches(self) -> None:
         self.control.single_block = self.single_block is Switch.ON
+        among_records = self.parameters is not None and self.parameters.in_force.bit(2007, 3)
+        self.control.stops_among_records = Switch.ON if among_records else Switch.OFF
         if self.control.flow is not None:
             self.control.flow.optional_stop = self.optional_stop
 

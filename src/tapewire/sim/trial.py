@@ -282,6 +282,7 @@ class Trial:
         evidence = self.evidence
         evidence.waited += ["host"] * (self._job is not None) + ["control"] * self._busy
         evidence.waiting_since = len(evidence.acts)
+        evidence.moving = self.pair.control.moving
         if not self.pair.cnc_side.off:
             self._reset()
         self.world.advance(self._is_over, self.world.now + AFTER_RESET)

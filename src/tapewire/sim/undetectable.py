@@ -236,6 +236,8 @@ class Excuses:
             return dark
         if self._is_b and settings.cnc.get("alarm") == "at-reset" and evidence.happened(Act.ALARM.value):
             return "an alarm that is told only at RESET (6.4 note 1)"
+        if self._sends and evidence.moving and self._scenario.override is not None and evidence.unseen(Wire.FROM_HOST):
+            return "a damaged block that takes hours"
         codes = _FANUC_B_CODES if self._is_b else _BRIDGEPORT_ANSWERS
         if any(codes & set(damage.sent) for damage in evidence.on(Wire.FROM_CONTROL)):
             return "a control code lost or damaged"

@@ -79,9 +79,8 @@ def check_file(path: Path, asked: Asked, out: Path | None = None, *, force: bool
     if out is not None:
         if checked.sketch is None:
             raise UsageError(f"{path}: holds no G05 section that could be drawn")
-        unit = str(asked.machine.axes[0].unit) if asked.machine is not None else str(Unit.MM)
         with _writing(out, force) as part:
-            part.write(picture(checked.sketch, f"{path.name}: first G05 section", unit).encode())
+            part.write(picture(checked.sketch, f"{path.name}: first G05 section").encode())
     return checked
 
 
@@ -283,13 +282,19 @@ def _refuse_line(encoding: Encoding, needed: int) -> None:
 
 def _write_rows(part: StoredFile, sections: Iterator[tuple[int, Iterator[Records]]], asked: Asked) -> Decoded:
     """section, time in ms, position of each axis from the start of the section, auxiliary word or -1."""
-    tick, count, number = asked.unit_time.value, 0, 0
+    tick, count, number, axis_count = asked.unit_time.value, 0, 0, 0
     for number, pieces in sections:
         here, done = None, 0
         for records in pieces:
             travel = records.travel.astype(np.int64)
             if not count + done:
                 part.write(_head(asked, travel.shape[1]).encode())
+                axis_count = travel.shape[1]
+            elif travel.shape[1] != axis_count:
+                raise ProgramError(
+                    f"section {number} has {travel.shape[1]} axes and those before it {axis_count}: the columns of one "
+                    "CSV cannot be both; decode to .npz, where each section is an array of its own"
+                )
             here = np.zeros(travel.shape[1], np.int64) if here is None else here
             where = np.cumsum(travel, axis=0) + here
             here = where[-1]
@@ -357,6 +362,8 @@ def _reading(path: Path) -> Iterator[IO[bytes]]:
 @contextmanager
 def _writing(out: Path, force: bool) -> Iterator[StoredFile]:
     """A file that gets its name when all of it is there."""
+    if out.is_dir():
+        raise UsageError(f"{out} is a folder: name a file in it")
     if os.path.lexists(out) and not force:
         raise UsageError(f"{out} exists; name another file, or say --force to replace it")
     part_path = out.with_name(out.name + ".part")

@@ -75,6 +75,8 @@ def convert_file(
     column for what cannot be converted, UsageError for a file that cannot be read or written, or that exists
     without `force`.
     """
+    if out.is_dir():
+        raise UsageError(f"{out} is a folder: name a file in it")
     if os.path.lexists(out) and not force:
         raise UsageError(f"{out} exists; name another file, or say --force to replace it")
     recognition = recognise_file(path, signs) if source is None else None

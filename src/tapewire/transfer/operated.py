@@ -343,10 +343,10 @@ class OperatedControl:
         self.nc.alarms.clear()
         self.nc.give_up(now)
         self.say("power off and on")
-        self._next_job = self.job
         if self.parameters is not None:
             self.parameters.power_off_and_on()
             self._renew(self.parameters.in_force)
+        self._next_job = self._next_job or self.job
         if self.link is not None and not self.link.closed:
             self.link.closed = True
             self.cnc.receive_closed(Closure.LOST, "the control was switched off", now)
@@ -363,8 +363,9 @@ class OperatedControl:
             if Weight.ALARM not in {finding.weight for finding in check(in_force, in_force.interface)}:
                 self.say(str(error))
             return
-        if job.origin != self.job.origin:
-            self._next_job = job.observed_by(self._report, self.job.stop)
+        is_other = job.origin != self.job.origin
+        self._next_job = job.observed_by(self._report, self.job.stop) if is_other else None
+        if is_other:
             self._turned.set()
             self._wake()
 

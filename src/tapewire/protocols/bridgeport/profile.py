@@ -54,10 +54,13 @@ class Profile:
         try:
             tables = tomllib.loads(text)
             return cls._from(tables)
-        except tomllib.TOMLDecodeError as error:
-            raise UsageError(f"{name}: no valid TOML: {error}") from None
         except UsageError as error:
             raise UsageError(f"{name}: {error}") from None
+        except RecursionError:
+            raise UsageError(f"{name}: no valid TOML: brackets within brackets without end") from None
+        except ValueError as error:
+            # A number of thousands of digits is an error of Python's own, and no TOMLDecodeError.
+            raise UsageError(f"{name}: no valid TOML: {str(error).partition(';')[0]}") from None
 
     @classmethod
     def _from(cls, tables: dict[str, Any]) -> Profile:

@@ -20,7 +20,7 @@ from typing import Final
 from tapewire.engine import SECOND, Nanos, Notice, Outcome, Requested, Sink, Source, Started, Violation
 from tapewire.errors import UsageError
 from tapewire.protocols.fanuc_a.host_job import Job, Supply
-from tapewire.protocols.fanuc_a.host_law import LAW, State, Timer
+from tapewire.protocols.fanuc_a.host_law import LAW, Row, State, Timer
 from tapewire.protocols.fanuc_a.host_line import BEGUN, TOO_OFTEN, UNDER_WAY, HostLine
 from tapewire.protocols.fanuc_a.host_outbox import Span
 from tapewire.protocols.fanuc_a.messages import (
@@ -165,6 +165,9 @@ class FanucAHost(HostLine):
                 outcome = Outcome.CANCELLED if command is Command.RST else Outcome.FAILED
                 self._interrupt(outcome, f"{command.value} came before the end of a DAT", now)
         self._dispatch(message, now)
+        self._obeyed(row, command, before)
+
+    def _obeyed(self, row: Row, command: Command, before: State) -> None:
         assert self._answer is None or self._answer in row.answers, f"{command} was answered with {self._answer}"
         assert self._state in row.states, f"{command} led from {before} to {self._state}"
 
