@@ -137,6 +137,8 @@ class Arrivals:
         self._characters += _characters(item)
 
     def take(self, now: Nanos) -> list[LineItem]:
+        if self._pacer is None and not self._items:
+            return []
         due = self._characters if self._pacer is None else self._pacer.due(self._characters, now)
         items: list[LineItem] = []
         while self._items:
@@ -218,7 +220,7 @@ class DescriptorLine:
         self._signals: SignalsIn | None = None
         self._asked: Nanos | None = None
         self._queued_then = 0
-        self._break_wanted = False
+        self._is_breaking = False
         self._break_ends: Nanos | None = None
 
     @property
@@ -232,15 +234,15 @@ class DescriptorLine:
 
         So it is when the line has ended, when a paced reception holds all it may, and before the other side is there.
         """
-        waits = self._connected and not self._ended and self._arrivals.room
-        return self._fd if waits else None
+        return self._fd if self._connected and not self._ended and self._arrivals.room else None
 
     def read(self, now: Nanos) -> list[LineItem]:
         self._now = now
         self._behind = False
         if self._fd is None:
             return []
-        self._flush()
+        if self._unsent:
+            self._flush()
         if self._is_breaking:
             self._go_on_with_break(self._fd, now)
         if self._signals is None:
@@ -318,21 +320,18 @@ class DescriptorLine:
         Asked again meanwhile it is the same break.
         """
         self._now = now
-        self._break_wanted = self._break_ends is None
+        self._is_breaking = True
         if self._fd is not None:
             self._go_on_with_break(self._fd, now)
 
-    @property
-    def _is_breaking(self) -> bool:
-        return self._break_wanted or self._break_ends is not None
-
     def _go_on_with_break(self, fd: int, now: Nanos) -> None:
-        if self._break_ends is not None and now >= self._break_ends:
-            self._break_ends = None
+        if self._break_ends is None:
+            if not self.in_flight(now):
+                self._break_ends = now + BREAK_TIME
+                self._begin_break(fd)
+        elif now >= self._break_ends:
+            self._is_breaking, self._break_ends = False, None
             self._end_break(fd)
-        elif self._break_wanted and not self.in_flight(now):
-            self._break_wanted, self._break_ends = False, now + BREAK_TIME
-            self._begin_break(fd)
 
     def set_signals(self, signals: SignalsOut, now: Nanos) -> None:
         """Nothing: only a real port has control lines."""
@@ -396,8 +395,6 @@ class DescriptorLine:
         self._arrivals.put(closed)
 
     def _flush(self) -> None:
-        if not self._unsent:
-            return
         self._asked = None
         while self._unsent and self._fd is not None and self._failure is None:
             try:

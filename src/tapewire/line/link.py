@@ -82,12 +82,11 @@ class Link:
             self._drive_signals(now)
         if engine.recall:
             self._recall(now)
-        if not self.closed:
-            self._send(now)
+        has_room = not self.closed and self._send(now)
         # Asked last of all: what is reported as gone may let the engine say more, and a queue that has emptied since
         # the report above would otherwise have nobody come back for it.
-        while self._reported_left != self.characters_sent and self._report_left(now):
-            self._send(now)
+        while self._reported_left != self.characters_sent and self._report_left(now) and has_room:
+            has_room = self._send(now)
         self._drain(now)
 
     def next_deadline(self) -> Nanos | None:
@@ -144,12 +143,13 @@ class Link:
             self.on_recall(count)
         self.engine.data_discarded(count, now)
 
-    def _send(self, now: Nanos) -> None:
+    def _send(self, now: Nanos) -> bool:
+        """True when the line has room left, and the engine nothing to say."""
         engine, transport = self.engine, self.transport
         while room := transport.room(now):
             data = engine.data_to_send(room)
             if not data:
-                return
+                return True
             transport.write(data, now)
             self.characters_sent += len(data)
             if self.on_write is not None:
@@ -158,7 +158,8 @@ class Link:
             if self.on_sent is not None:
                 self.on_sent(self.characters_sent, now)
             if len(data) == room:
-                return
+                break
+        return False
 
     def _drain(self, now: Nanos) -> None:
         """What the application has to tell comes first: an alarm before the end that it makes."""
