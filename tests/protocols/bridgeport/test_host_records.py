@@ -418,7 +418,7 @@ def test_every_ending_of_a_dnc_file(how: DncEnd, tail: list[bytes]) -> None:
 
 
 def test_a_last_record_may_be_answered_before_the_eot_behind_it_is_out() -> None:
-    """In a closed loop the check character leaves before the EOT is handed over, and the control has the record then."""
+    """In a closed loop the check character leaves before the EOT is handed over: the control has the record then."""
     rig = linked(dnc_end=DncEnd.EOT_AFTER_LRC)
     rig.say(DC1)
     rig.say(ACK)
