@@ -224,8 +224,7 @@ def test_11_sr807_is_shown_and_the_parameters_are_mended_on_the_panel(shop: Shop
         terminal.wait_for("protocol A  ", "PMC", " open", "9600 baud")
         host = sending(file, shop.folder / "control", "fanuc-a", baud=9600)
         terminal.press("nc")
-        terminal.wait_for("MTN")
-        terminal.wait_for("dnc complete", "RMT   ****")
+        terminal.wait(lambda text: text.count("dnc complete") == 2 and "RMT   ****" in text)
         assert host.outcome() is Outcome.COMPLETE
         terminal.press("q")
         assert terminal.end() == 0
