@@ -60,6 +60,8 @@ def test_one_operation_after_another(shop: Shop, protocol: str) -> None:
             terminal.wait_for("the program memory is empty")
         elif protocol == "bridgeport":
             terminal.wait_for("--file names a program")
+        else:
+            terminal.wait_for(f"{protocol} has no punch-out")
         host = sender(shop, file, protocol)
         terminal.press("i")
         terminal.wait_for("registered O0001" if protocol != "bridgeport" else "", "read complete", "EDIT  ****")

@@ -11,8 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from docs.generators.panel import PICTURES, at_work, unplugged
-from tapewire.cli.panel_view import PanelState, SoftKey, picture
+from docs.generators.panel import PICTURES, at_work, operated, unplugged
+from tapewire.cli.panel import state_of
+from tapewire.cli.panel_page import ParameterPage
+from tapewire.cli.panel_view import Mark, Page, PanelState, Row, SoftKey, page_room, picture
+from tapewire.fanuc.parameters import CATALOGUE
+from tapewire.sim.world import World
 from tapewire.transfer.tape_window import TapeWindow
 
 SIZES = [(80, 24), (120, 40)]
@@ -29,6 +33,13 @@ states = st.builds(
     blocks=st.lists(anything, max_size=60).map(tuple),
     current=st.none() | st.integers(0, 59),
     program=anything,
+    page=st.none()
+    | st.builds(
+        Page,
+        title=anything,
+        rows=st.lists(st.builds(Row, text=anything, mark=st.sampled_from(Mark)), max_size=30).map(tuple),
+        entry=anything,
+    ),
     buffered=st.integers(0, 9000),
     capacity=st.integers(1, 8192),
     held=anything,
@@ -79,6 +90,20 @@ def test_an_alarm_stands_out(size: tuple[int, int]) -> None:
     text = "\n".join(drawn(unplugged(), *size))
     for words in ("─ ALARM ─", "SR855  DATA SET READY DOWN", "HOLD  ***  ***   ALM", "UNPLUGGED", "LED 1 ●  2 ○"):
         assert words in text
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_10_every_parameter_has_its_row_on_some_page(size: tuple[int, int]) -> None:
+    control, _ = operated(World())
+    page, room = ParameterPage(control), page_room(*size)
+    text = ""
+    page.turn(room)
+    while page.number:
+        lines = drawn(state_of(control, "10:00:00", page.shown(room)), *size)
+        text += "\n".join(lines)
+        assert len([line for line in lines if line]) == size[1]
+        page.turn(room)
+    assert all(f"│ {number:04d} " in text for number in CATALOGUE)
 
 
 def test_a_full_gauge_and_an_empty_one() -> None:

@@ -197,8 +197,7 @@ def _program(state: PanelState, lines: int) -> Panel:
 
 def _page(page: Page) -> Panel:
     rows = [_row(row.text, row.mark.value) for row in page.rows]
-    entry = Text("> ", "bold cyan", no_wrap=True) + Text(printable(page.entry) + "_", "bold")
-    return _framed(Group(entry, *rows), page.title)
+    return _framed(Group(_row(f"> {page.entry}_", "bold"), *rows), printable(page.title))
 
 
 def _buffer(state: PanelState, width: int) -> Panel:
