@@ -36,7 +36,7 @@ from benchmarks.soak_lines import (
 )
 from tapewire.line import open as opening
 from tapewire.line.descriptor import LineSettings
-from tapewire.line.serial_port import TtyLine, open_tty
+from tapewire.line.ports.serial_port import TtyLine, open_tty
 
 RELIABILITY: Final = PAGE.parent / "reliability.md"
 LOOK_S: Final = 1.0

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tapewire.errors import LineError
-from tapewire.line.chips import CHIPS, UNKNOWN_CHIP, chip_of
-from tapewire.line.ports import Holder, PortFiles
+from tapewire.line.ports.chips import CHIPS, UNKNOWN_CHIP, chip_of
+from tapewire.line.ports.files import Holder, PortFiles
 from tests.line.fake_uart import Bench, bench
 from tests.line.helpers import settings
 from tests.line.port_tree import PortTree
