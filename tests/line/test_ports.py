@@ -103,7 +103,7 @@ def test_what_may_not_be_seen_is_said(tree: PortTree, monkeypatch: pytest.Monkey
     def refuse(folder: Path) -> None:
         raise PermissionError(13, "no", str(folder))
 
-    monkeypatch.setattr("tapewire.line.ports._open_files", refuse)
+    monkeypatch.setattr("tapewire.line.ports.files._open_files", refuse)
     assert tree.files.holders(port) == ([], False)
 
 
