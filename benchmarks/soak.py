@@ -46,7 +46,7 @@ WINDOW: Final = 30
 SETTLED_S: Final = 300.0
 """From when on memory is expected to stay as it is."""
 
-LAST_JOBS_S: Final = 150.0
+LAST_JOBS_S: Final = 200.0
 """The jobs under way at the end get so long to end by themselves."""
 
 
