@@ -135,9 +135,8 @@ def pack_auxiliary(auxiliary: NDArray[np.uint32], form: RecordFormat) -> NDArray
     """
     if form is RecordFormat.GENERAL:
         return auxiliary.astype("<u4", copy=False).byteswap()
-    upper = auxiliary.astype("<u4")
-    np.left_shift(upper, np.uint32(1), out=upper)
-    packed = upper >> np.uint32(15)
+    upper = np.left_shift(auxiliary.astype("<u4", copy=False), np.uint32(1))
+    packed: NDArray[np.uint32] = upper >> np.uint32(15)
     np.left_shift(upper, np.uint32(15), out=upper)
     np.bitwise_or(packed, upper, out=packed)
     pack(packed.view("<u2"), upper.view("<u2"), form)

@@ -292,13 +292,14 @@ def _out_of_range(travel: NDArray[Any], layout: Layout, first_record: int) -> Pr
 def _checked_auxiliary(auxiliary: NDArray[Any], layout: Layout, first_record: int) -> Auxiliary:
     if auxiliary.dtype == np.uint32:
         words: Auxiliary = auxiliary
-        wrong = words & np.uint32(~SIGNIFICANT & 0xFFFFFFFF) > layout.largest_auxiliary
+        outside = np.uint32((SIGNIFICANT - 1) & ~layout.largest_auxiliary)
+        wrong: NDArray[Any] = words & outside
     else:
         numbers = auxiliary.astype(np.int64, copy=False)
         wrong = (numbers < 0) | ((numbers & ~SIGNIFICANT) > layout.largest_auxiliary)
         words = numbers.astype(np.uint32)
-    if wrong.any():
-        index = int(np.argmax(wrong))
+    if wrong.max(initial=0):
+        index = int(np.argmax(wrong != 0))
         raise ProgramError(
             f"record {first_record + index:,}: auxiliary function {int(auxiliary[index]) & ~SIGNIFICANT:,} is "
             f"outside 0 to {layout.largest_auxiliary:,} of the {layout.format} format"
