@@ -10,9 +10,9 @@ import sys
 from pathlib import Path
 from typing import Any, Final
 
-from tapewire.line.kernel import Counters, SerialInfo, Settings, TtyKernel
+from tapewire.line.ports.kernel import Counters, SerialInfo, Settings, TtyKernel
 
-ANSWER_LIMIT_S: Final = 30.0
+ANSWER_LIMIT_S: Final = 40.0
 LISTEN_POLL_S: Final = 0.05
 TCP_LISTEN: Final = "0A"
 

@@ -263,12 +263,14 @@ class Far:
                 self._jobs[words["job"]] = job, asyncio.create_task(job.run())
             case "end":
                 self._watches = [task for task in self._watches if not task.done()]
-                self._watches.append(asyncio.create_task(self._end(words["job"])))
+                self._watches.append(asyncio.create_task(self._end(words["job"], words["patience_s"])))
             case "size":
                 say(job="size", memory=memory_bytes(), descriptors=descriptors())
 
-    async def _end(self, name: str) -> None:
+    async def _end(self, name: str, patience_s: float) -> None:
         job, task = self._jobs[name]
+        if patience_s:
+            await asyncio.wait([task], timeout=patience_s)
         job.stop.set()
         await asyncio.wait([task], timeout=GIVE_UP_S)
         task.cancel()

@@ -9,7 +9,7 @@ import re
 import signal
 import sys
 from collections import Counter
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +27,8 @@ from tapewire.transfer.reports import Report, Result
 from tapewire.transfer.session import settings_for
 
 BITS: Final = 11
+FINISH_S: Final = 20.0
+"""So long a control may take for what it has and has not executed: at most its buffers, at 70 % of the line."""
 
 
 @dataclass
@@ -139,7 +141,8 @@ class Line:
         disturbing.cancel()
         with suppress(asyncio.CancelledError):
             await disturbing
-        control = await self.end(case)
+        # A control that has all of the program may still execute its last blocks: RESET now would throw them away.
+        control = await self.end(case, FINISH_S if outcome is Outcome.COMPLETE else 0.0)
         await self.restore()
         self._judge(case, saved, result, outcome, reason, control)
 
@@ -157,7 +160,7 @@ class Line:
         # A Bridgeport line stands still for every record's answer; a slow control makes any line slower.
         words: dict[str, Any] = {
             "line": where, "protocol": self.protocol, "baud": self.baud, "stopbits": self.stopbits,
-            "timeout_s": 3 * case.seconds + 40, "observer": self._observe,
+            "timeout_s": 6 * case.seconds + 40, "observer": self._observe,
         }  # fmt: skip
         if case.punch:
             return await receive(saved, **words)
@@ -220,8 +223,8 @@ class Line:
         """Have the control wait, and say where."""
         raise AssertionError("a kind of line says this")
 
-    async def end(self, case: Case) -> dict[str, Any]:
-        """The control's own account, when it has ended or been ended."""
+    async def end(self, case: Case, patience_s: float) -> dict[str, Any]:
+        """The control's own account: it has so long to end by itself."""
         raise AssertionError("a kind of line says this")
 
     async def disturb(self) -> None:
@@ -255,8 +258,8 @@ class FarLine(Line):
     def where(self) -> str:
         return str(self.device)
 
-    async def end(self, case: Case) -> dict[str, Any]:
-        return await self.far.ask(do="end", job=case.name)
+    async def end(self, case: Case, patience_s: float) -> dict[str, Any]:
+        return await self.far.ask(do="end", job=case.name, patience_s=patience_s)
 
 
 class PluggedLine(FarLine):
@@ -365,21 +368,20 @@ class CommandLine(Line):
             self._process.kill()
         self.tally.unplugs += 1
 
-    async def end(self, case: Case) -> dict[str, Any]:
-        await self._end_within(lambda: self._process.send_signal(signal.SIGINT), 5.0)
-        await self._end_within(self._process.kill, ANSWER_LIMIT_S)
+    async def end(self, case: Case, patience_s: float) -> dict[str, Any]:
+        await self._end_after(max(patience_s, 1.5), lambda: self._process.send_signal(signal.SIGINT))
+        await self._end_after(5.0, self._process.kill)
+        await self._process.wait()
         rest: dict[str, Any] = await self._rest
         return {**rest, "made": 0, "seen": 0, "damaged": 0, "other": self._other}
 
-    async def _end_within(self, act: Callable[[], object], limit_s: float) -> None:
-        done: Awaitable[int] = self._process.wait()
+    async def _end_after(self, limit_s: float, act: Callable[[], object]) -> None:
+        """`act` when the control has not ended by itself by then."""
         with suppress(TimeoutError):
-            await asyncio.wait_for(done, 1.5)
+            await asyncio.wait_for(self._process.wait(), limit_s)
             return
         with suppress(ProcessLookupError):
             act()
-        with suppress(TimeoutError):
-            await asyncio.wait_for(self._process.wait(), limit_s)
 
 
 class Rfc2217CommandLine(CommandLine):

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tapewire.line.capture import Happening
-from tapewire.line.capture_reader import Packet, read_capture
+from tapewire.line.captures.reader import Packet, read_capture
+from tapewire.line.captures.records import Happening
 from tests.cli.helpers import FAST, Shop, invoke, program
 
 

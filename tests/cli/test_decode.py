@@ -15,8 +15,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from tapewire.line.capture import Happening, Lines
-from tapewire.line.capture_reader import Packet, read_capture
+from tapewire.line.captures.reader import Packet, read_capture
+from tapewire.line.captures.records import Happening, Lines
 from tests.cli.helpers import check_stream, invoke
 
 GOLDEN = Path(__file__).parents[1] / "captures" / "damaged_message.pcapng"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tapewire.line.capture import Encoder, Happening, Origin, Record, Side
+from tapewire.line.captures.records import Encoder, Happening, Origin, Record, Side
 from tests.cli.helpers import printed
 
 PARAMETERS = "%\nN0000 P00000100\nN5000 P00011001\nN5070 P13\nN5071 P3\nN5072 P1\nN5073 P11\nN5074 P1\nN6000 P1\n%\n"

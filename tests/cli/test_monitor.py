@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tapewire.line.capture import Happening
+from tapewire.line.captures.records import Happening
 from tests.cli.helpers import DEADLINE_S, FAST, Command, Finished, Shop, invoke, program
 from tests.cli.test_capture import spoken
 

@@ -19,11 +19,11 @@ CLOCK_FREE = (
     *("tapewire.fanuc", "tapewire.g05", "tapewire.nc", "tapewire.protocols", "tapewire.sim"),
     # The half of the line that a simulated cable and a real port have in common.
     *("tapewire.line.transport", "tapewire.line.link", "tapewire.line.pacing"),
-    *("tapewire.line.telnet", "tapewire.line.rfc2217", "tapewire.line.rates"),
+    *("tapewire.line.rfc2217.telnet", "tapewire.line.rfc2217.ends", "tapewire.line.rates"),
     *("tapewire.line.cable", "tapewire.line.guess", "tapewire.line.loop_back"),
     *("tapewire.line.simulated", "tapewire.line.faults", "tapewire.line.paths", "tapewire.line.reception"),
     *("tapewire.line.closed_loop", "tapewire.line.lateness", "tapewire.line.faulty"),
-    *("tapewire.line.capture", "tapewire.line.capture_reader", "tapewire.line.capture_tap"),
+    *("tapewire.line.captures.records", "tapewire.line.captures.reader", "tapewire.line.captures.tap"),
     "tapewire.line.relay",
 )
 # Records of the domain may hold dates; nothing in them runs.

@@ -18,9 +18,9 @@ from pathlib import Path
 
 from tapewire.engine import Nanos
 from tapewire.line.descriptor import LineSettings
-from tapewire.line.kernel import Counters, SerialInfo, Settings, TtyKernel
-from tapewire.line.ports import PortFiles
-from tapewire.line.serial_port import TtyLine, open_tty
+from tapewire.line.ports.files import PortFiles
+from tapewire.line.ports.kernel import Counters, SerialInfo, Settings, TtyKernel
+from tapewire.line.ports.serial_port import TtyLine, open_tty
 from tests.line.helpers import Clock
 
 

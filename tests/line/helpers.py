@@ -31,8 +31,8 @@ from tapewire.line.faults.presets import preset
 from tapewire.line.faulty import FaultyTransport
 from tapewire.line.open import open_line, parse_line
 from tapewire.line.pacing import character_time
+from tapewire.line.ports.serial_port import open_tty
 from tapewire.line.pty import create_pty
-from tapewire.line.serial_port import open_tty
 from tapewire.line.simulated import EndSettings, simulated_cable
 from tapewire.line.transport import Closed, LineItem, Transport
 

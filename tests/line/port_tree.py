@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from tapewire.line.ports import PortFiles
+from tapewire.line.ports.files import PortFiles
 
 
 class PortTree:

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from tapewire.engine import MILLISECOND, SECOND, Closure, LineFault, Nanos
-from tapewire.line.capture import Side
+from tapewire.line.captures.records import Side
 from tapewire.line.descriptor import BREAK_TIME, LineSettings
+from tapewire.line.ports.standstill import STANDSTILL
 from tapewire.line.relay import Damaged, Relay
-from tapewire.line.rfc2217_line import ClientLine, ServerLine
-from tapewire.line.standstill import STANDSTILL
+from tapewire.line.rfc2217.lines import ClientLine, ServerLine
 from tapewire.line.transport import Fault, LineItem, StopDistance, can_break, send_break
 from tests.line.fake_uart import Bench, FakeUart, bench
 from tests.line.helpers import Clock, Seen, hand_over, open_pair, settings, tcp_pair

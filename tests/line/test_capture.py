@@ -14,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tapewire.engine import SECOND
-from tapewire.line.capture import (
+from tapewire.line.captures.reader import MAX_BLOCK, CaptureItem, Packet, Problem, read_capture
+from tapewire.line.captures.records import (
     ALL_ON,
     LINK_TYPE,
     MAX_DATA,
@@ -29,7 +30,6 @@ from tapewire.line.capture import (
     called_back,
     recalled,
 )
-from tapewire.line.capture_reader import MAX_BLOCK, CaptureItem, Packet, Problem, read_capture
 
 NOW: Final = 1_795_345_111 * SECOND + 86_865_451
 ORIGIN: Final = Origin(

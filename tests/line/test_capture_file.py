@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 
 from tapewire.errors import UsageError
-from tapewire.line import capture_file
-from tapewire.line.capture import Happening, Origin, Record
-from tapewire.line.capture_file import KEPT_FAILED, LEAST_SIZE, CaptureFile, CaptureSettings, older_of
-from tapewire.line.capture_reader import Packet, Problem, read_capture
+from tapewire.line.captures import file as capture_file
+from tapewire.line.captures.file import KEPT_FAILED, LEAST_SIZE, CaptureFile, CaptureSettings, older_of
+from tapewire.line.captures.reader import Packet, Problem, read_capture
+from tapewire.line.captures.records import Happening, Origin, Record
 
 ORIGIN = Origin(line="a line", baud=9600, protocol="fanuc-b")
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import pytest
 
 from tapewire.engine import MILLISECOND, SECOND, Closure, LineFault, Nanos, SignalsIn, SignalsOut
-from tapewire.line.capture import ALL_ON, Happening, Lines, Record, called_back
-from tapewire.line.capture_tap import CapturedLine
+from tapewire.line.captures.records import ALL_ON, Happening, Lines, Record, called_back
+from tapewire.line.captures.tap import CapturedLine
 from tapewire.line.simulated import EndSettings, simulated_cable
 from tapewire.line.transport import Closed, Fault, LineItem, StopDistance, Transport, watched_of
 from tests.line.helpers import KINDS, Clock, open_pair, read_until_closed, send_all

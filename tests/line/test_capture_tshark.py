@@ -12,7 +12,7 @@ from typing import Any, Final
 import pytest
 
 from tapewire.engine import MICROSECOND, SECOND
-from tapewire.line.capture import ByteOrder, Encoder, Happening, Lines, Origin, Record, Side
+from tapewire.line.captures.records import ByteOrder, Encoder, Happening, Lines, Origin, Record, Side
 
 TSHARK: Final = shutil.which("tshark")
 

@@ -10,8 +10,8 @@ import pytest
 from tapewire.engine import MILLISECOND, Closure, Nanos
 from tapewire.line.driver import LineDriver, monotonic
 from tapewire.line.link import Link
+from tapewire.line.ports.serial_port import open_tty
 from tapewire.line.pty import create_pty
-from tapewire.line.serial_port import open_tty
 from tests.line.helpers import ListeningEngine, open_pair, settings, tcp_pair
 
 PROGRAM = b"".join(b"N%d G01 X%d.\n" % (number, number) for number in range(300))

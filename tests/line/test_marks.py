@@ -9,8 +9,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tapewire.engine import LineFault
-from tapewire.line.kernel import Counters
-from tapewire.line.marks import Damage, decode_marks
+from tapewire.line.ports.kernel import Counters
+from tapewire.line.ports.marks import Damage, decode_marks
 from tapewire.line.transport import Fault
 
 

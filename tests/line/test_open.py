@@ -24,7 +24,7 @@ from tapewire.line.open import (
     open_line,
     parse_line,
 )
-from tapewire.line.serial_port import TtyLine
+from tapewire.line.ports.serial_port import TtyLine
 
 THREE_WIRES = LineOptions(signals=Signals.IGNORED, parity=Parity.ODD)
 

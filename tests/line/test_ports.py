@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tapewire.errors import LineError
-from tapewire.line.chips import CHIPS, UNKNOWN_CHIP, chip_of
-from tapewire.line.ports import Holder, PortFiles
+from tapewire.line.ports.chips import CHIPS, UNKNOWN_CHIP, chip_of
+from tapewire.line.ports.files import Holder, PortFiles
 from tests.line.fake_uart import Bench, bench
 from tests.line.helpers import settings
 from tests.line.port_tree import PortTree
@@ -103,7 +103,7 @@ def test_what_may_not_be_seen_is_said(tree: PortTree, monkeypatch: pytest.Monkey
     def refuse(folder: Path) -> None:
         raise PermissionError(13, "no", str(folder))
 
-    monkeypatch.setattr("tapewire.line.ports._open_files", refuse)
+    monkeypatch.setattr("tapewire.line.ports.files._open_files", refuse)
     assert tree.files.holders(port) == ([], False)
 
 
@@ -142,7 +142,7 @@ def test_what_may_not_be_set_is_told_with_the_command_that_does(
     with bench(Path("/nonexistent")) as port:
         tree.add_uart("ttyS0")
         monkeypatch.setattr(PortFiles, "describe", lambda files, path: files.ports()[0])
-        monkeypatch.setattr("tapewire.line.serial_port._write_one", lambda file: False)
+        monkeypatch.setattr("tapewire.line.ports.serial_port._write_one", lambda file: False)
         (note,) = opened(port, tree)
         assert "echo 1 | sudo tee" in note
         assert "rx_trig_bytes" in note
@@ -154,7 +154,7 @@ def test_an_ftdi_is_asked_by_the_driver_where_the_file_may_not_be_written(
     with bench(Path("/nonexistent")) as port:
         tree.add_usb("ttyUSB0", "ftdi_sio", latency=16, bcdDevice="0600", **FTDI)
         monkeypatch.setattr(PortFiles, "describe", lambda files, path: files.ports()[0])
-        monkeypatch.setattr("tapewire.line.serial_port._write_one", lambda file: False)
+        monkeypatch.setattr("tapewire.line.ports.serial_port._write_one", lambda file: False)
         (note,) = opened(port, tree)
         assert "latency timer set from 16 to 1" in note
         assert port.uart.low_latency

@@ -22,7 +22,7 @@ from tapewire.line.descriptor import DescriptorLine
 from tapewire.line.driver import LineDriver, monotonic
 from tapewire.line.link import Link
 from tapewire.line.open import open_line, parse_line
-from tapewire.line.rfc2217_line import ClientLine
+from tapewire.line.rfc2217.lines import ClientLine
 from tapewire.line.transport import send_break
 from tests.line.helpers import ListeningEngine
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tapewire.engine import MILLISECOND, SECOND, Closure, LineFault, Nanos, SignalsIn, SignalsOut
-from tapewire.line.capture import Side
+from tapewire.line.captures.records import Side
 from tapewire.line.relay import MOST_WAITING, Damaged, Relay
 from tapewire.line.simulated import CableEnd, EndSettings, simulated_cable
 from tapewire.line.transport import Closed, Fault, LineItem, StopDistance

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tapewire.engine import LineFault, SignalsIn, SignalsOut
-from tapewire.line.rfc2217 import Client, Heard, PortSettings, Purged, Server
-from tapewire.line.telnet import Option, Verb, ask, sub
+from tapewire.line.rfc2217.ends import Client, Heard, PortSettings, Purged, Server
+from tapewire.line.rfc2217.telnet import Option, Verb, ask, sub
 from tapewire.line.transport import Fault
 
 PORT = PortSettings(baud=9600, data_bits=8, parity=1, stopbits=2)

@@ -14,8 +14,8 @@ from tapewire.line import open as opening
 from tapewire.line.descriptor import DescriptorLine
 from tapewire.line.driver import monotonic
 from tapewire.line.open import open_line, parse_line
-from tapewire.line.rfc2217_line import ClientLine, ServerLine
-from tapewire.line.telnet import sub
+from tapewire.line.rfc2217.lines import ClientLine, ServerLine
+from tapewire.line.rfc2217.telnet import sub
 from tapewire.line.transport import Fault, LineItem
 from tests.line.helpers import Clock, Seen, hand_over, settings, tcp_pair
 

@@ -14,8 +14,8 @@ import pytest
 
 from tapewire.engine import Closure
 from tapewire.errors import LineBusy, LineError, LineNotFound
-from tapewire.line.kernel import TtyKernel
-from tapewire.line.serial_port import open_tty
+from tapewire.line.ports.kernel import TtyKernel
+from tapewire.line.ports.serial_port import open_tty
 from tests.line.helpers import Clock, Seen, read_until_closed, settings
 
 Port = tuple[int, str]

@@ -18,10 +18,10 @@ from hypothesis import strategies as st
 from tapewire.engine import MICROSECOND, MILLISECOND, SECOND, Closure, LineFault, Nanos, SignalsIn, SignalsOut
 from tapewire.errors import LineBusy, LineError, UsageError
 from tapewire.line import open as opening
-from tapewire.line import tty_line
 from tapewire.line.descriptor import LineSettings, Parity
-from tapewire.line.kernel import Counters, SerialInfo
 from tapewire.line.pacing import character_time
+from tapewire.line.ports import tty_line
+from tapewire.line.ports.kernel import Counters, SerialInfo
 from tapewire.line.transport import Fault
 from tests.line.fake_uart import Bench, bench
 from tests.line.helpers import Clock, read_until_closed, settings

@@ -18,7 +18,7 @@ from tapewire.engine import LineFault, Nanos, Outcome
 from tapewire.line.descriptor import LineSettings
 from tapewire.line.driver import LineDriver
 from tapewire.line.link import Link
-from tapewire.line.serial_port import open_tty
+from tapewire.line.ports.serial_port import open_tty
 from tapewire.line.transport import Closed
 from tapewire.transfer.reports import Result
 from tests.line.helpers import ListeningEngine

@@ -7,7 +7,7 @@ from itertools import pairwise
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tapewire.line.telnet import Asked, Other, Sub, TelnetDecoder, TelnetItem, Verb, ask, escape, sub
+from tapewire.line.rfc2217.telnet import Asked, Other, Sub, TelnetDecoder, TelnetItem, Verb, ask, escape, sub
 
 Items = st.lists(
     st.one_of(

@@ -24,10 +24,10 @@ from tapewire.engine import SignalsIn, SignalsOut
 from tapewire.errors import LineError
 from tapewire.line.descriptor import LineSettings, Parity
 from tapewire.line.driver import monotonic
-from tapewire.line.kernel import TtyKernel
 from tapewire.line.open import open_line, parse_line
-from tapewire.line.ports import PortFiles
-from tapewire.line.serial_port import TtyLine, open_tty
+from tapewire.line.ports.files import PortFiles
+from tapewire.line.ports.kernel import TtyKernel
+from tapewire.line.ports.serial_port import TtyLine, open_tty
 from tapewire.line.transport import LineItem
 
 UART, USB = "/dev/ttyS1", "/dev/ttyUSB0"

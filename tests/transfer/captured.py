@@ -8,8 +8,8 @@ from io import BytesIO
 from typing import Any
 
 from tapewire.engine import MILLISECOND, SECOND, Nanos
-from tapewire.line.capture import Encoder, Origin, Record, Side
-from tapewire.line.capture_tap import CapturedLine
+from tapewire.line.captures.records import Encoder, Origin, Record, Side
+from tapewire.line.captures.tap import CapturedLine
 from tapewire.line.transport import LineItem, Transport
 from tapewire.sim.world import Pair, World
 

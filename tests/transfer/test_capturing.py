@@ -9,8 +9,8 @@ import pytest
 
 from tapewire.engine import Notice, Outcome
 from tapewire.errors import UsageError
-from tapewire.line.capture import Happening
-from tapewire.line.capture_reader import Packet, read_capture
+from tapewire.line.captures.reader import Packet, read_capture
+from tapewire.line.captures.records import Happening
 from tapewire.transfer.api import run_control, send
 from tapewire.transfer.reports import Ready, Report
 from tests.transfer.captured import tape

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from docs.generators.captures import PICTURE, picture
 from tapewire.engine import MILLISECOND, SECOND
 from tapewire.errors import UsageError
-from tapewire.line.capture import ALL_ON, Happening, Lines, Origin, Record, Side, called_back
+from tapewire.line.captures.records import ALL_ON, Happening, Lines, Origin, Record, Side, called_back
 from tapewire.protocols import PROTOCOLS
 from tapewire.protocols.settings import End
 from tapewire.transfer.decoding.chart import MOST_ENTRIES, Chart

@@ -11,7 +11,7 @@ import pytest
 
 from tapewire.engine import Nanos, Notice, Outcome
 from tapewire.errors import LineNotFound
-from tapewire.line.capture import Side
+from tapewire.line.captures.records import Side
 from tapewire.line.descriptor import LineSettings
 from tapewire.line.driver import LineDriver, monotonic
 from tapewire.line.link import Link

@@ -15,7 +15,7 @@ from tapewire.cli.ending import ignore_signals, stop_on_signals
 from tapewire.cli.output import JsonLines, Output, PeopleLines, Presenter
 from tapewire.engine import Notice, Outcome
 from tapewire.errors import UsageError
-from tapewire.line.capture_file import DEFAULT_SIZE, MEGABYTE, CaptureSettings
+from tapewire.line.captures.file import DEFAULT_SIZE, MEGABYTE, CaptureSettings
 from tapewire.line.driver import monotonic
 from tapewire.protocols import PROTOCOLS
 from tapewire.protocols.bridgeport.profile import Profile

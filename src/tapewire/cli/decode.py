@@ -17,8 +17,8 @@ import click
 from tapewire.cli.common import COMPLETE, NOT_COMPLETE, parse_words
 from tapewire.cli.output import give_up_unwritable_output
 from tapewire.errors import UsageError
-from tapewire.line.capture import Side
-from tapewire.line.capture_reader import Problem, is_capture
+from tapewire.line.captures.reader import Problem, is_capture
+from tapewire.line.captures.records import Side
 from tapewire.protocols import PROTOCOLS
 from tapewire.transfer.decoding.chart import Chart
 from tapewire.transfer.decoding.reading import Decoded, Figures

@@ -13,7 +13,7 @@ from tapewire.cli.common import COMPLETE, INTERRUPTED, NOT_COMPLETE, Number
 from tapewire.cli.demo_view import DemoView
 from tapewire.cli.ending import stop_on_signals
 from tapewire.engine import Nanos, Outcome
-from tapewire.line.capture_file import CaptureSettings
+from tapewire.line.captures.file import CaptureSettings
 from tapewire.protocols.settings import End
 from tapewire.transfer.control import ControlTask, run_control
 from tapewire.transfer.example import example_program

@@ -22,7 +22,7 @@ from tapewire.cli.ending import ignore_signals, stop_on_signals
 from tapewire.cli.output import JsonLines, Output, PeopleLines, Presenter, Shown
 from tapewire.engine import Outcome
 from tapewire.errors import UsageError
-from tapewire.line.capture import Side
+from tapewire.line.captures.records import Side
 from tapewire.line.open import parse_line
 from tapewire.line.relay import Damaged
 from tapewire.protocols import PROTOCOLS

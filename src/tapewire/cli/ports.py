@@ -12,7 +12,7 @@ import click
 
 from tapewire.cli.common import COMPLETE
 from tapewire.cli.output import json_end
-from tapewire.line.ports import Holder, Port, PortFiles
+from tapewire.line.ports.files import Holder, Port, PortFiles
 
 __all__ = ["FILES", "ports"]
 

@@ -25,9 +25,9 @@ from tapewire.line.address import (
 )
 from tapewire.line.descriptor import DescriptorLine, LineSettings
 from tapewire.line.driver import monotonic
+from tapewire.line.ports.serial_port import TtyLine, open_tty
 from tapewire.line.pty import create_pty
-from tapewire.line.rfc2217_line import ClientLine, ServerLine
-from tapewire.line.serial_port import TtyLine, open_tty
+from tapewire.line.rfc2217.lines import ClientLine, ServerLine
 from tapewire.line.tcp import TcpLine, is_connected_to_itself
 
 __all__ = [

@@ -14,7 +14,7 @@ from enum import StrEnum
 from typing import Final, TypeAlias
 
 from tapewire.engine import SECOND, Closure, LineFault, Nanos, SignalsIn, SignalsOut
-from tapewire.line.capture import Side
+from tapewire.line.captures.records import Side
 from tapewire.line.transport import Closed, Fault, LineItem, Transport, can_break, send_break, watched_of
 
 __all__ = ["Damaged", "Relay"]

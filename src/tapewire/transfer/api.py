@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from tapewire.line.capture_file import CaptureSettings
+from tapewire.line.captures.file import CaptureSettings
 from tapewire.protocols.settings import End
 from tapewire.transfer import control, receiving, sending
 from tapewire.transfer.control import ControlTask

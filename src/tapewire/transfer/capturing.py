@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 
 from tapewire.engine import Notice
-from tapewire.line.capture import Origin, Record
-from tapewire.line.capture_file import CaptureFile, CaptureSettings
+from tapewire.line.captures.file import CaptureFile, CaptureSettings
+from tapewire.line.captures.records import Origin, Record
 from tapewire.line.driver import monotonic
 from tapewire.line.transport import Transport
 from tapewire.transfer.reports import Observer

@@ -11,8 +11,8 @@ from typing import Any, Final
 from tapewire.engine import SECOND, Closure, Nanos, Notice, Outcome, SignalsIn
 from tapewire.errors import UsageError
 from tapewire.line.alarm import Alarm
-from tapewire.line.capture import ALL_ON, FAULTS, FROM_THIS_SIDE, Happening, Lines, Origin, Record, Side
-from tapewire.line.capture_file import CaptureSettings, unix_offset
+from tapewire.line.captures.file import CaptureSettings, unix_offset
+from tapewire.line.captures.records import ALL_ON, FAULTS, FROM_THIS_SIDE, Happening, Lines, Origin, Record, Side
 from tapewire.line.descriptor import BAUD_LIMITS, DescriptorLine
 from tapewire.line.driver import monotonic
 from tapewire.line.open import LineAddress, TtyAddress, open_line

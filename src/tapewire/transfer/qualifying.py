@@ -28,7 +28,7 @@ from tapewire.line.link import Link
 from tapewire.line.loop_back import LoopBack
 from tapewire.line.open import open_line
 from tapewire.line.pacing import default_window
-from tapewire.line.ports import USUAL_RATES, PortFiles
+from tapewire.line.ports.files import USUAL_RATES, PortFiles
 from tapewire.line.transport import Fault
 from tapewire.transfer.program import Program
 from tapewire.transfer.reports import Ready, Result

@@ -8,8 +8,8 @@ from typing import Final
 
 from tapewire.errors import UsageError
 from tapewire.fanuc.diagnosis import From, Heard
-from tapewire.line.capture import Happening, Side
-from tapewire.line.capture_reader import Packet, read_capture
+from tapewire.line.captures.reader import Packet, read_capture
+from tapewire.line.captures.records import Happening, Side
 from tapewire.transfer.files import why
 
 __all__ = ["heard_in"]

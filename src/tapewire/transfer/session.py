@@ -23,8 +23,8 @@ from tapewire.engine import (
     Resumed,
     Started,
 )
-from tapewire.line.capture import Origin, Side
-from tapewire.line.capture_file import CaptureSettings
+from tapewire.line.captures.file import CaptureSettings
+from tapewire.line.captures.records import Origin, Side
 from tapewire.line.descriptor import DescriptorLine, LineSettings
 from tapewire.line.driver import LineDriver, monotonic
 from tapewire.line.link import Application, Link

@@ -11,8 +11,8 @@ from typing import Final
 from xml.sax.saxutils import escape
 
 from tapewire.engine import SECOND, Nanos
-from tapewire.line.capture import Side
-from tapewire.line.capture_reader import Problem
+from tapewire.line.captures.reader import Problem
+from tapewire.line.captures.records import Side
 from tapewire.transfer.decoding.entry import Entry, Kind
 from tapewire.transfer.decoding.folding import Fold, Row, fold
 from tapewire.transfer.decoding.reading import Began, Decoded, Figures, Told

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from tapewire.codes import name_of
 from tapewire.engine import SECOND, Nanos
-from tapewire.line.capture import ALL_ON, FAULTS, FROM_THIS_SIDE, Happening, Lines, Record, Side, recalled
+from tapewire.line.captures.records import ALL_ON, FAULTS, FROM_THIS_SIDE, Happening, Lines, Record, Side, recalled
 from tapewire.protocols import ProtocolEntry, Reader
 from tapewire.protocols.listening import Listener, Word
 from tapewire.protocols.settings import End

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from tapewire.engine import Nanos
-from tapewire.line.capture import Side
+from tapewire.line.captures.records import Side
 
 __all__ = ["Entry", "Kind"]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from tapewire.engine import Nanos
-from tapewire.line.capture import Side
+from tapewire.line.captures.records import Side
 from tapewire.transfer.decoding.entry import Entry, Kind
 
 __all__ = ["Fold", "Row", "fold"]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from tapewire.engine import Nanos
-from tapewire.line.capture import Origin
-from tapewire.line.capture_reader import Packet, Problem, Readable, read_capture
+from tapewire.line.captures.reader import Packet, Problem, Readable, read_capture
+from tapewire.line.captures.records import Origin
 from tapewire.transfer.decoding.entry import Entry
 from tapewire.transfer.decoding.recognise import Asked, Stream
 

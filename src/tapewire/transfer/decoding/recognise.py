@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from tapewire.errors import UsageError
-from tapewire.line.capture import Origin, Record, Side
+from tapewire.line.captures.records import Origin, Record, Side
 from tapewire.protocols import PROTOCOLS, ProtocolEntry, protocol
 from tapewire.protocols.settings import End
 from tapewire.transfer.decoding.dialogue import Dialogue, Spoken

@@ -13,7 +13,7 @@ import threading
 from contextlib import suppress
 from typing import Final
 
-from tapewire.line.kernel import TtyKernel
+from tapewire.line.ports.kernel import TtyKernel
 
 __all__ = ["SignalWatch", "can_interrupt"]
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from tapewire.line.chips import Chip, chip_of, uart_name
+from tapewire.line.ports.chips import Chip, chip_of, uart_name
 from tapewire.line.rates import Divider, is_near
 
 __all__ = ["Holder", "Port", "PortFiles"]

@@ -11,7 +11,7 @@ from typing import Final
 
 from tapewire.engine import SECOND, Closure, LineFault, Nanos, SignalsIn, SignalsOut
 from tapewire.line.descriptor import LineSettings, Parity, Signals
-from tapewire.line.rfc2217 import Client, PortSettings, Purged, Server
+from tapewire.line.rfc2217.ends import Client, PortSettings, Purged, Server
 from tapewire.line.tcp import TcpLine
 from tapewire.line.transport import Closed, LineItem, StopDistance
 

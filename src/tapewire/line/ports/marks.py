@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 from tapewire.engine import LineFault
-from tapewire.line.kernel import Counters
+from tapewire.line.ports.kernel import Counters
 from tapewire.line.transport import Fault
 
 __all__ = ["Damage", "decode_marks"]

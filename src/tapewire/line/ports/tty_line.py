@@ -18,11 +18,11 @@ from tapewire.engine import MILLISECOND, SECOND, Closure, LineFault, Nanos, Sign
 from tapewire.errors import LineError
 from tapewire.line.closed_loop import CLOSED_LOOP_WINDOW, ClosedLoop
 from tapewire.line.descriptor import DescriptorLine, LineSettings, Signals
-from tapewire.line.kernel import Counters, TtyKernel
-from tapewire.line.marks import Damage, decode_marks
-from tapewire.line.modem import SignalWatch, can_interrupt
-from tapewire.line.ports import Port
-from tapewire.line.standstill import STANDSTILL, Standstill
+from tapewire.line.ports.files import Port
+from tapewire.line.ports.kernel import Counters, TtyKernel
+from tapewire.line.ports.marks import Damage, decode_marks
+from tapewire.line.ports.modem import SignalWatch, can_interrupt
+from tapewire.line.ports.standstill import STANDSTILL, Standstill
 from tapewire.line.transport import Closed, Fault, LineItem, StopDistance
 
 __all__ = ["TtyLine"]

@@ -25,9 +25,9 @@ from typing import BinaryIO, Final
 
 from tapewire.engine import SECOND, Nanos
 from tapewire.errors import UsageError
-from tapewire.line.capture import Encoder, Happening, Origin, Record
-from tapewire.line.capture_reader import SECTION_MARK
-from tapewire.line.capture_tap import CapturedLine
+from tapewire.line.captures.reader import SECTION_MARK
+from tapewire.line.captures.records import Encoder, Happening, Origin, Record
+from tapewire.line.captures.tap import CapturedLine
 from tapewire.line.transport import Transport
 
 __all__ = ["DEFAULT_SIZE", "MEGABYTE", "CaptureFile", "CaptureSettings", "older_of", "unix_offset"]

@@ -22,7 +22,7 @@ from typing import Final, TypeAlias
 
 from tapewire.engine import LineFault, SignalsIn, SignalsOut
 from tapewire.line.rates import is_near
-from tapewire.line.telnet import (
+from tapewire.line.rfc2217.telnet import (
     Asked,
     Command,
     Option,

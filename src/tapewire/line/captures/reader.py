@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Final, Protocol, TypeAlias
 
 from tapewire.engine import MICROSECOND, SECOND, Nanos
-from tapewire.line.capture import (
+from tapewire.line.captures.records import (
     BYTE_ORDER_MAGIC,
     ENHANCED_PACKET,
     IF_DESCRIPTION,

@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Final
 
 from tapewire.errors import LineBusy, LineError, LineNotFound
-from tapewire.line.chips import uart_name
 from tapewire.line.descriptor import LineSettings, Parity
-from tapewire.line.kernel import Settings, TtyKernel
-from tapewire.line.ports import Port, PortFiles
+from tapewire.line.ports.chips import uart_name
+from tapewire.line.ports.files import Port, PortFiles
+from tapewire.line.ports.kernel import Settings, TtyKernel
+from tapewire.line.ports.tty_line import TtyLine
 from tapewire.line.rates import Divider, is_near
-from tapewire.line.tty_line import TtyLine
 
 __all__ = ["TtyLine", "open_tty"]
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Final, TypeAlias
 
 from tapewire.engine import LineFault, Nanos, SignalsIn, SignalsOut
-from tapewire.line.capture import ALL_ON, FAULTS, Happening, Lines, Record, called_back
+from tapewire.line.captures.records import ALL_ON, FAULTS, Happening, Lines, Record, called_back
 from tapewire.line.transport import Closed, Fault, LineItem, StopDistance, Transport, slack_of, watched_of
 
 __all__ = ["CapturedLine", "TakesRecords"]

@@ -1,0 +1,1 @@
+"""All that is said on a line, on record."""
