@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import fcntl
 import os
 import pty
@@ -11,7 +12,9 @@ import signal
 import struct
 import termios
 import time
+from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from types import TracebackType
 from typing import Final
 
@@ -19,6 +22,7 @@ from tests.cli.forked import Forked
 from tests.cli.helpers import DEADLINE_S
 
 _SEQUENCE: Final = re.compile(r"\x1b\[(\??)([\d;]*)([A-Za-z])|\x1b[()][A-Z0-9]|\x1b[=>]")
+_PICTURE: Final = re.compile(r"(?=\x1b\[H)")
 _BEGUN: Final = re.compile(r"\x1b(\[\??[\d;]*)?$")
 
 MAIN_AND_OTHER: Final = {"1049h": "other", "1049l": "main"}
@@ -112,6 +116,8 @@ class Terminal:
         self._set_size(columns, lines)
         self.modes_before = termios.tcgetattr(slave)
         self._slave = slave
+        self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
+        self._pictures: deque[str] = deque()
         self._process = Forked([str(word) for word in words], (slave, slave, slave))
 
     def __enter__(self) -> Terminal:
@@ -148,13 +154,19 @@ class Terminal:
 
     def read(self, seconds: float = 0.05) -> None:
         """Take in what comes within `seconds`."""
-        while select.select([self.master], [], [], seconds)[0]:
-            try:
-                data = os.read(self.master, 1 << 16)
-            except OSError:
-                return
-            self.screen.feed(data.decode("utf-8", "replace"))
+        while self._next_picture(seconds):
             seconds = 0
+
+    def _next_picture(self, seconds: float) -> bool:
+        """One picture at a time, so that a test that sleeps sees each; False when none comes within `seconds`."""
+        if not self._pictures and select.select([self.master], [], [], seconds)[0]:
+            with suppress(OSError):
+                text = self._decoder.decode(os.read(self.master, 1 << 16))
+                self._pictures.extend(_PICTURE.split(text))
+        if not self._pictures:
+            return False
+        self.screen.feed(self._pictures.popleft())
+        return True
 
     def wait(self, until: Callable[[str], object]) -> str:
         """Until the screen is as `until` wants it; what it shows then."""
@@ -162,7 +174,7 @@ class Terminal:
         while not until(self.screen.text):
             assert not self.has_ended, f"it has ended with {self._process.status}:\n{self.screen.text}"
             assert time.monotonic() < deadline, f"the screen never came to it:\n{self.screen.text}"
-            self.read()
+            self._next_picture(0.05)
         return self.screen.text
 
     def wait_for(self, *words: str) -> str:

@@ -196,7 +196,7 @@ BAD = "N0000 P00001100\nN0020 P10\nN5000 P00010000\nN5081 P3\nN5082 P1\nN5083 P1
 
 
 def test_11_sr807_is_shown_and_the_parameters_are_mended_on_the_panel(shop: Shop) -> None:
-    """Two values at once: 5084 waits for power off and on (10.2), 5083 does not with protocol B and 5000#3 = 0."""
+    """5084 waits for power off and on (10.2), 5083 does not with protocol B and 5000#3 = 0. Then another protocol."""
     parameters, file = shop.file("in-parameters", BAD.encode()), shop.file("in.nc", program(6))
     with panel(shop.folder, "--parameters", parameters, columns=120, lines=40) as terminal:
         terminal.wait_for("open", "[N]")
@@ -218,6 +218,13 @@ def test_11_sr807_is_shown_and_the_parameters_are_mended_on_the_panel(shop: Shop
         host = sending(file, shop.folder / "control", "fanuc-b", baud=9600, settings={"posting": "off"})
         terminal.press("nc")
         terminal.wait_for("dnc complete", "RMT   ****", "PROGRAM")
+        assert host.outcome() is Outcome.COMPLETE
+        wait_for_another_line(terminal)
+        terminal.press("n5084=3\nw")
+        terminal.wait_for("protocol A  ", "PMC", " open", "9600 baud")
+        host = sending(file, shop.folder / "control", "fanuc-a", baud=9600)
+        terminal.press("nc")
+        terminal.wait(lambda text: text.count("dnc complete") == 2 and "RMT   ****" in text)
         assert host.outcome() is Outcome.COMPLETE
         terminal.press("q")
         assert terminal.end() == 0

@@ -212,7 +212,7 @@ class OperatedControl:
         self._power_on(job.params)
         if job.capture is None or job.origin == old.origin:
             return capture
-        await capture.close(failed=True)
+        await capture.close(failed=self.last is not None and self.last.outcome is not Outcome.COMPLETE)
         return JobCapture(job.capture, job.origin, self._report)
 
     async def _open(self) -> Transport | None:
