@@ -105,6 +105,31 @@ async def test_a_reception_that_has_not_begun_waits_for_its_line(adapter: Socket
     assert any("nothing had begun" in text for text in adapter.notices())
 
 
+async def test_a_server_that_hangs_up_at_first_is_waited_out_and_told_once(adapter: Socket, tmp_path: Path) -> None:
+    """ser2net accepts before it has found its port, and hangs up; raw TCP shows no more than that."""
+    connections: list[asyncio.StreamWriter] = []
+
+    async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        connections.append(writer)
+        if len(connections) > 4:
+            await asyncio.sleep(0.1)
+            writer.write(DC2 + TEXT + DC4)
+            await reader.read()
+        writer.close()
+
+    server = await asyncio.start_server(accept, "127.0.0.1", 0)
+    line = f"socket://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+    result = await receive(
+        tmp_path / "got.nc", line=line, protocol="fanuc-b", observer=adapter.observe, when_lost=WhenLost.WAIT
+    )
+    server.close()
+    await server.wait_closed()
+    assert result.outcome is Outcome.COMPLETE, result.reason
+    assert (tmp_path / "got.nc").read_bytes() == TEXT
+    assert len(connections) == 5
+    assert sum("nothing had begun" in text for text in adapter.notices()) == 1
+
+
 async def test_one_that_has_begun_ends_with_its_line(adapter: Socket, tmp_path: Path) -> None:
     adapter.plug()
     work = adapter.receiving(tmp_path / "got.nc", when_lost=WhenLost.WAIT)

@@ -131,9 +131,11 @@ class _Monitor:
         self._capture = JobCapture(settings.capture, self._origin, settings.observer)
         failed = True
         try:
-            ended = await self._watch_once()
+            ended, told = await self._watch_once(), ""
             while ended is not None and settings.when_lost is WhenLost.WAIT and not settings.stop.is_set():
-                self._note(f"{ended.reason}; opened again when it is back")
+                if ended.reason != told:
+                    told = ended.reason
+                    self._note(f"{told}; opened again when it is back")
                 self._listen_anew()
                 ended = await self._watch_once()
             failed = ended is not None and ended.closure is Closure.LOST
@@ -180,7 +182,7 @@ class _Monitor:
 
     async def _open_one(self, address: LineAddress) -> DescriptorLine:
         if self._was_open:
-            return await open_when_back(lambda: self._open_now(address))
+            return await open_when_back(lambda: self._open_now(address), self._note)
         return await self._open_now(address)
 
     async def _open_now(self, address: LineAddress) -> DescriptorLine:

@@ -11,7 +11,7 @@ from collections.abc import Awaitable, Callable
 from enum import StrEnum
 from typing import Final
 
-from tapewire.errors import LineBusy, LineNotFound
+from tapewire.errors import LineError
 from tapewire.line.descriptor import DescriptorLine
 
 __all__ = ["WhenLost", "open_when_back"]
@@ -27,12 +27,20 @@ class WhenLost(StrEnum):
     WAIT = "wait"
 
 
-async def open_when_back(opening: Callable[[], Awaitable[DescriptorLine]]) -> DescriptorLine:
-    """Try `opening` until the line is there and nobody else holds it. What can never be mended by waiting is raised:
-    a rate the port does not make, a path that is no port.
+async def open_when_back(
+    opening: Callable[[], Awaitable[DescriptorLine]], tell: Callable[[str], object]
+) -> DescriptorLine:
+    """Try `opening` again and again until the line is there; `tell` gets each new reason why it is not.
+
+    Nothing that a line can be refused for ends the waiting: a serial server that restarts hangs up at first, and an
+    adapter in another socket may be held by another program for a while. A person reads the reasons.
     """
+    last = ""
     while True:
+        await asyncio.sleep(REOPEN_PAUSE_S)
         try:
             return await opening()
-        except (LineNotFound, LineBusy):
-            await asyncio.sleep(REOPEN_PAUSE_S)
+        except LineError as error:
+            if str(error) != last:
+                last = str(error)
+                tell(f"not yet: {last}")
