@@ -11,10 +11,14 @@ from collections.abc import Awaitable, Callable
 from enum import StrEnum
 from typing import Final
 
+from tapewire.engine import SECOND, Nanos
 from tapewire.errors import LineError
 from tapewire.line.descriptor import DescriptorLine
 
-__all__ = ["WhenLost", "open_when_back"]
+__all__ = ["Losses", "WhenLost", "open_when_back"]
+
+STEADY: Final[Nanos] = 5 * SECOND
+"""A line that goes again sooner than this, and for the same reason, has not really been back."""
 
 REOPEN_PAUSE_S: Final = 0.5
 """How often a line that is gone is looked for. A USB adapter takes a second or two until its name is there again."""
@@ -25,6 +29,19 @@ class WhenLost(StrEnum):
 
     END = "end"
     WAIT = "wait"
+
+
+class Losses:
+    """Which losses of a line are news: not the same again of one that hardly stays."""
+
+    def __init__(self) -> None:
+        self._last = ""
+        self._at: Nanos = 0
+
+    def is_news(self, reason: str, now: Nanos) -> bool:
+        again = reason == self._last and now - self._at < STEADY
+        self._last, self._at = reason, now
+        return not again
 
 
 async def open_when_back(

@@ -35,7 +35,7 @@ from tapewire.protocols import ProtocolEntry, protocol
 from tapewire.protocols.settings import End
 from tapewire.transfer.capturing import JobCapture
 from tapewire.transfer.meter import Meter
-from tapewire.transfer.reopening import WhenLost, open_when_back
+from tapewire.transfer.reopening import Losses, WhenLost, open_when_back
 from tapewire.transfer.reports import Observer, Progress, Ready, nothing
 
 __all__ = ["ABORT_LIMIT_S", "JobSettings", "Session", "settings_for", "undo"]
@@ -177,11 +177,10 @@ class Session:
         ended = None
         try:
             ended = await self._run(begin)
-            told = ""
+            losses = Losses()
             while self._may_wait(ended):
-                if ended.reason != told:
-                    told = ended.reason
-                    self._note(f"{told}; nothing had begun, so {self.job.line} is opened again when it is back")
+                if losses.is_news(ended.reason, monotonic()):
+                    self._note(f"{ended.reason}; nothing had begun, so {self.job.line} is opened again when it is back")
                 self.ended = None
                 ended = await self._run(begin)
             return ended
