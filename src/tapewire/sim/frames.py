@@ -8,7 +8,7 @@ from __future__ import annotations
 from itertools import accumulate
 from typing import Final
 
-__all__ = ["LAST_CODES", "cancelled_sums", "ends_with_stop", "forged_records", "last_codes", "text_of"]
+__all__ = ["LAST_CODES", "cancelled_sums", "ends_with_stop", "forged_records", "last_codes", "rest_fits", "text_of"]
 
 _HEX: Final = {bytes((digit,)): value for value, digit in enumerate(b"0123456789ABCDEF")}
 _LRC_XOR_BITS: Final = 0x7F
@@ -58,6 +58,18 @@ def forged_records(sent: bytes, brought: bytes, lrc: str, ends: frozenset[int]) 
         for start in starts:
             right = 0 <= end - start <= 256 and _check(brought[start:end], brought[end], lrc) == brought[end + 1]
             if right and brought[start : end + 2] not in sent:
+                return True
+    return False
+
+
+def rest_fits(brought: bytes, taken: bytes, lrc: str, ends: frozenset[int]) -> bool:
+    """A record was taken that is only the rest of one: the control gave up its beginning after a silence (2.2.4)."""
+    brought = bytes(byte & 0x7F for byte in brought)
+    places = [at for at, byte in enumerate(brought[:-1]) if byte in ends]
+    for start, end in zip([-2, *places], places, strict=False):
+        for begins in range(start + 3, end):
+            text = brought[begins:end]
+            if _check(text, brought[end], lrc) == brought[end + 1] and text in taken:
                 return True
     return False
 

@@ -15,7 +15,7 @@ from tapewire.engine import Nanos, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.protocols.fanuc_a.packets import packet_bytes
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
-from tapewire.sim.frames import cancelled_sums, ends_with_stop, forged_records, text_of
+from tapewire.sim.frames import cancelled_sums, ends_with_stop, forged_records, rest_fits, text_of
 from tapewire.sim.scenarios import Act, Direction, Scenario
 
 __all__ = ["Excuses", "first_difference"]
@@ -29,6 +29,8 @@ def first_difference(got: bytes, program: bytes) -> int | None:
 
 
 _BRIDGEPORT_NAME: Final = frozenset(b"0123456789;LD")
+
+_STALLS: Final = frozenset({Act.STALL.value, "clock step: host"})
 
 _FORGED: Final = "a control code lost or forged"
 _DC3: Final = b"\x13"
@@ -174,6 +176,9 @@ class Excuses:
         ends = self._codes.record_ends
         if forged_records(bytes(self._evidence.host.sent), brought, cnc.get("lrc", "xor7_etb"), ends):
             return "a check character of seven bits that cancels"
+        stalled = any(what in _STALLS and moment >= attempt.began for moment, what in self._evidence.acts)
+        if stalled and rest_fits(brought, bytes(attempt.delivered), cnc.get("lrc", "xor7_etb"), ends):
+            return "the rest of a record behind a pause, whose check character fits by chance"
         for damage in self._unseen(Wire.FROM_CONTROL):
             if damage.moment >= attempt.began and self._codes.answers & (set(damage.sent) | set(damage.plain)):
                 return "ACK or NAK lost or forged"
