@@ -258,12 +258,11 @@ def test_10_0000_0_and_1_the_tv_check_keeps_an_odd_block_out(byte: int, read: li
 
 
 def test_9_3_note_7_and_11_sr891_binary_input_operation_is_not_registered() -> None:
-    shop = Shop().arm(b"%\nO1\nM30\nO2\nM30\nG05\n%")
+    shop = Shop().arm(b"%\nO1\nM30\nO2\nG05\n" + bytes(7) + b"\nM30\n%")
     shop.nc.read(0)
-    shop.world.run_for(10**10)
-    shop.nc.reset(shop.world.now)
-    shop.end()
-    assert shop.nc.memory.programs == {}
+    assert shop.end() is Outcome.COMPLETE
+    assert [alarm.number for alarm in shop.nc.alarms] == ["SR891"]
+    assert shop.nc.memory.programs == {1: b"O1\nM30\n"}
 
 
 # -- punching ------------------------------------------------------------------------------------------------

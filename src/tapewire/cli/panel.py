@@ -249,7 +249,9 @@ def _settings_of(params: Any) -> list[list[str]]:
 
 def _numbers_of(parameters: ParameterSet) -> list[list[str]]:
     told = parameters.values
-    rows = ([f"{number:04d}={word_of(number, told[number])}" for number in row if number in told] for row in _LINE_NUMBERS)
+    rows = (
+        [f"{number:04d}={word_of(number, told[number])}" for number in row if number in told] for row in _LINE_NUMBERS
+    )
     return [row for row in rows if row]
 
 
