@@ -107,6 +107,35 @@ def test_a_macro_that_is_called_with_every_move() -> None:
         start_of("G66P1\nG90G21G94G00X1.\nG01X2.F100", axes=("X",))
 
 
+@pytest.mark.parametrize("block", ["G91X1.G90M8", "G91G90X1.M8"])
+def test_of_two_modes_in_a_block_the_last_holds(block: str) -> None:
+    assert start_of(f"G90G00X3.Y0Z0\n{block}{AND_ON}") == (1, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("on", "off", "name"),
+    [
+        ("G43.4H1", "G49", "tool center point control"),
+        ("G68.2X0Y0Z0I0J45.K0\nG53.1", "G69", "a tilted working plane"),
+        ("G54.2P1", "G54.2P0", "dynamic fixture offset"),
+        ("G54.4P1", "G54.4P0", "workpiece error compensation"),
+        ("G41.5D1", "G40", "three-dimensional cutter compensation"),
+    ],
+)
+def test_a_mode_in_which_words_are_no_places_of_the_axes(on: str, off: str, name: str) -> None:
+    there = "G00X1.Y2.Z3.M08"
+    with pytest.raises(ProgramError, match=rf"line \d: (moves|would be .*) while {name} is on"):
+        start_of(f"{AT_ZERO}{on}\n{there}{AND_ON}")
+    with pytest.raises(ProgramError, match="never says where Y, Z is"):
+        start_of(f"{AT_ZERO}{on}\n{there}\n{off}{AND_ON}")
+    assert start_of(f"{AT_ZERO}{on}\n{off}\n{there}{AND_ON}") == (1, 2, 3)
+
+
+def test_a_feed_of_before_another_kind_of_feed_is_not_taken() -> None:
+    with pytest.raises(ProgramError, match="moves at a feed that no F has given"):
+        list(NcReader([f"{AT_ZERO}F500\nG95F.1\nG94\nG01X1."], Reading(axes=("X", "Y", "Z"))).moves())
+
+
 def test_a_feed_of_before_the_change_of_units_is_not_taken() -> None:
     with pytest.raises(ProgramError, match="line 4: moves at a feed that no F has given, or one before the change"):
         list(NcReader([f"{AT_ZERO}G21F600\nG20\nG01X1."], Reading(axes=("X", "Y", "Z"))).moves())

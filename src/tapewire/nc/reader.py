@@ -109,15 +109,15 @@ class NcReader:
             if not places.unknown and self._is_plain_move(words):
                 self._refuse_modes(modes, places, words)
                 return block
-            if modes.displacing and displaced is None and self._is_plain_move(words):
-                displaced = self._forbidden(modes)
+            if (modes.displacing or places.elsewhere) and displaced is None and self._is_plain_move(words):
+                displaced = self._forbidden(modes) if modes.displacing else self._elsewhere(places)
             self._keep(self.header, kept)
             going = places.follow(kept, words, modal, modes, self._text.line)
             for letter, value in words:
                 if letter == "F" and not modal.other_feed:
                     self._set_feed(value)
             self._go(places, going, absolute=Places.presets(words))
-        if displaced is not None and modes.displacing:
+        if displaced is not None and (modes.displacing or places.elsewhere):
             raise displaced
         missing = ", ".join(places.unknown)
         why = "it holds no move"
@@ -155,6 +155,10 @@ class NcReader:
     def _forbidden(self, modes: ModalWatch) -> ProgramError:
         named = ", ".join(modes.forbidden)
         return self._text.refusal(f"would be binary input operation while {named} is on: an alarm (9.3)")
+
+    def _elsewhere(self, places: Places) -> ProgramError:
+        named = ", ".join(places.elsewhere)
+        return self._text.refusal(f"moves while {named} is on: its numbers are not where the axes go")
 
     def _go(self, places: Places, going: Words, *, absolute: bool) -> None:
         unsaid = self._modal.unsaid
