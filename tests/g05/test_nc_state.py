@@ -148,7 +148,7 @@ def test_a_feed_of_before_the_change_of_units_is_not_taken() -> None:
 def test_the_feed_of_a_rotary_axis_in_inches(move: str, speed: float) -> None:
     """F600 turns 10 degrees a second in G20 too."""
     reading = Reading(axes=("X", "C"), start=(0.0, 0.0), rotary=frozenset("C"))
-    (piece,) = NcReader([f"G20\nG01{move}F600"], reading).moves()
+    (piece,) = NcReader([f"G20\nG01{move}F600."], reading).moves()
     assert piece.speeds == pytest.approx([speed])
 
 
@@ -169,11 +169,11 @@ WORDS = st.builds(str.__add__, st.sampled_from(["X", "Y", "Z", "X", "Y", "F", "I
 LINES = st.one_of(
     st.sampled_from(["G01", "G0X1.", "G1X2.F500.", "G00 X1. Y2. ", "N10G1Z.5F1", "G02X1.Y0I.5J0", "G91", "G90", "G20"]),
     st.sampled_from(
-        ["G21", "", "(X1.)", "x1.y2.", "X1.X2.", "X1.Y2.F0", "X1.;", "G01G00X1.", "F9", "X1.\r", "X 1.", "%"]
+        ["G21", "", "(X1.)", "x1.y2.", "X1.X2.", "X1.Y2.F0", "X1.;", "G01G00X1.", "F9", "F9.", "X1.\r", "X 1.", "%"]
     ),
     st.lists(WORDS, min_size=1, max_size=3).map("".join),
 )
-PLAIN = st.sampled_from(["X1.Y2.\n", "X1.5\nY-.5Z3.\n", "G1X.1F20.\n", "G00X5.\nG01X6.\n", "N1 X1. Y1. \r\n"])
+PLAIN = st.sampled_from(["X1.Y2.\n", "X1.5\nY-.5Z3.\n", "G1X.1F20.\n", "X1.F8\n", "G00X5.\nG01X6.\n", "N1 X1. Y1. \r\n"])
 
 
 @settings(max_examples=150, deadline=None)
