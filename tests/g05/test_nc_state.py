@@ -173,7 +173,7 @@ LINES = st.one_of(
     ),
     st.lists(WORDS, min_size=1, max_size=3).map("".join),
 )
-PLAIN = st.sampled_from(["X1.Y2.\n", "X1.5\nY-.5Z3.\n", "G1X.1F20.\n", "X1.F8\n", "G00X5.\nG01X6.\n", "N1 X1. Y1. \r\n"])
+PLAIN = st.sampled_from(["X1.Y2.\n", "X1.5\nY-.5Z3.\n", "G1X.1F20.\n", "X1.F8\n", "G0X5.\nG1X6.\n", "N1 X1. Y1. \r\n"])
 
 
 @settings(max_examples=150, deadline=None)

@@ -38,7 +38,7 @@ class ProgramText:
         self._at = 0
 
     def block(self) -> tuple[str, Words] | None:
-        """The next block that holds anything; None at the end: a line that begins with the second %, or that of the text."""
+        """The next block that holds anything; None at the end: of the text, or a line that begins with a second %."""
         while (line := self._next_line()) is not None:
             self.line += 1
             if len(line) > LONGEST_LINE:
