@@ -190,9 +190,9 @@ the same two cores; every run byte-identical on every line. This computer is a g
 it off its processors for a tenth of a second or more, and so leaves all wires idle at once: of {made} runs those are
 shown from which least was stolen, {stolen} of the time.
 
-pyserial: a thread a port, the same window, what came in looked at before each quarter of a window is written; at 203
-ports its `select()` ends. `cat`: a process a port, everything left to the kernel, which takes some thousand characters
-at once: it could not stop for a control, and is here as the floor.
+pyserial: a thread a port, the same window, what came in looked at before each quarter of a window is written; above
+204 ports, five descriptors each, its `select()` fails. `cat`: a process a port, everything left to the kernel, which
+takes some thousand characters at once: it could not stop for a control, and is here as the floor.
 
 """
 

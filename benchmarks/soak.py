@@ -205,11 +205,13 @@ def report(run: Soak) -> str:
             "",
             *(f"- Wrong: {what}" for what in tally.wrong),
             *(f"- Trouble of the soak itself, job not judged: {what}" for what in tally.trouble),
+            "",
             table(["line", "jobs", "complete"], kinds),
             "",
             f"Ports pulled out and controls killed in mid job: {tally.unplugs}, each plugged in or started again."
             f" Serial servers (ser2net) killed in mid job and started again: {tally.restarts}. Parity errors made on"
-            f" the way to a control: {tally.to_control}, seen by it: {tally.to_control_seen}; on the way to the host:"
+            f" the way to a control: {tally.to_control}, told by it: {tally.to_control_seen} (a Bridgeport"
+            f" control only asks for the record again); on the way to the host:"
             f" {tally.to_host}, seen: {tally.to_host_seen}. Other faults of `tapewire cnc --faults`:"
             f" {tally.other_faults}.",
             "",

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from tapewire.engine import MILLISECOND, SECOND
 from tapewire.line.pacing import character_time
-from tapewire.protocols.delivery import HEARD_LATE_CHARACTERS, Delivery
+from tapewire.protocols.delivery import HEARD_LATE, HEARD_LATE_CHARACTERS, Delivery
 
 
 @pytest.mark.parametrize("baud", [50, 100, 110, 150, 200, 300])
@@ -26,3 +29,24 @@ def test_a_pause_is_not_the_pace_of_a_line() -> None:
         delivery.hand_over(1)
         delivery.leave(1, now)
     assert delivery.certain(moments[-1]) == len(moments) - HEARD_LATE_CHARACTERS
+
+
+@given(
+    baud=st.sampled_from([50, 300, 2400, 9600, 86400]),
+    chunks=st.lists(st.tuples(st.integers(1, 64), st.integers(0, 200)), min_size=1, max_size=30),
+)
+def test_nothing_counts_as_there_that_left_less_than_a_tenth_of_a_second_before(
+    baud: int, chunks: list[tuple[int, int]]
+) -> None:
+    """Chunks as a line carries them, with pauses between (ms), told whenever a computer looks."""
+    delivery, each, now = Delivery(), character_time(baud), 0
+    left: list[int] = []
+    for count, pause_ms in chunks:
+        delivery.hand_over(count)
+        now += pause_ms * MILLISECOND
+        for _ in range(count):
+            now += each
+            left.append(now)
+        delivery.leave(count, now)
+        assert delivery.certain(now) <= sum(moment <= now - HEARD_LATE for moment in left)
+    assert delivery.certain(now + 10 * SECOND) == len(left)

@@ -18,6 +18,7 @@ from tapewire.sim.frames import cancelled_sums, forged_records
 from tapewire.sim.undetectable import first_difference
 from tapewire.sim.world import World
 
+ENDS = frozenset(b"\x03\x17")
 GTD, SYN = b"ECGTD\r", b"07SYN\r"
 
 
@@ -57,11 +58,11 @@ def test_a_packet_whose_sum_cancels_is_found_and_a_wrong_one_is_not() -> None:
 @pytest.mark.parametrize("lrc", list(LRC_CANDIDATES))
 def test_a_record_whose_check_cancels_is_found_and_a_wrong_one_is_not(lrc: str) -> None:
     record = encode_record(b"N10X1\r\n", 0x17, next(each for each in LRC_CANDIDATES if each == lrc))
-    assert not forged_records(record, record, lrc)
-    assert not forged_records(record, record.replace(b"X1", b"X3"), lrc)
+    assert not forged_records(record, record, lrc, ENDS)
+    assert not forged_records(record, record.replace(b"X1", b"X3"), lrc, ENDS)
     by_sum = not lrc.startswith("xor")
     twice = record.replace(b"10X1", b"20X0") if by_sum else record.replace(b"10X1", b"30X3")
-    assert forged_records(record, twice, lrc)
+    assert forged_records(record, twice, lrc, ENDS)
 
 
 @pytest.mark.parametrize(("got", "where"), [(b"", None), (b"AB", None), (b"AX", 1), (b"ABCD", 3)])

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
 import pytest
 
-from tapewire.engine import Nanos, Notice, Outcome
+from tapewire.engine import SECOND, Nanos, Notice, Outcome
 from tapewire.errors import LineNotFound
 from tapewire.line.captures.records import Side
 from tapewire.line.descriptor import LineSettings
@@ -21,7 +22,7 @@ from tapewire.transfer import reopening
 from tapewire.transfer.api import receive
 from tapewire.transfer.decoding.entry import Entry
 from tapewire.transfer.monitoring import MonitorSettings, monitor
-from tapewire.transfer.reopening import WhenLost
+from tapewire.transfer.reopening import STEADY, Losses, WhenLost
 from tapewire.transfer.reports import Ready, Report, Result
 from tests.line.helpers import ListeningEngine
 from tests.transfer.peer import DC2, DC4
@@ -105,6 +106,31 @@ async def test_a_reception_that_has_not_begun_waits_for_its_line(adapter: Socket
     assert any("nothing had begun" in text for text in adapter.notices())
 
 
+async def test_a_server_that_hangs_up_at_first_is_waited_out_and_told_once(adapter: Socket, tmp_path: Path) -> None:
+    """ser2net accepts before it has found its port, and hangs up; raw TCP shows no more than that."""
+    connections: list[asyncio.StreamWriter] = []
+
+    async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        connections.append(writer)
+        if len(connections) > 4:
+            await asyncio.sleep(0.1)
+            writer.write(DC2 + TEXT + DC4)
+            await reader.read()
+        writer.close()
+
+    server = await asyncio.start_server(accept, "127.0.0.1", 0)
+    line = f"socket://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+    result = await receive(
+        tmp_path / "got.nc", line=line, protocol="fanuc-b", observer=adapter.observe, when_lost=WhenLost.WAIT
+    )
+    server.close()
+    await server.wait_closed()
+    assert result.outcome is Outcome.COMPLETE, result.reason
+    assert (tmp_path / "got.nc").read_bytes() == TEXT
+    assert len(connections) == 5
+    assert sum("nothing had begun" in text for text in adapter.notices()) == 1
+
+
 async def test_one_that_has_begun_ends_with_its_line(adapter: Socket, tmp_path: Path) -> None:
     adapter.plug()
     work = adapter.receiving(tmp_path / "got.nc", when_lost=WhenLost.WAIT)
@@ -144,6 +170,34 @@ async def test_waiting_ends_with_the_time_and_by_the_person(adapter: Socket, tmp
             stop.set()
         result = await asyncio.wait_for(work, LIMIT_S)
         assert result.outcome is (Outcome.CANCELLED if how == "stop" else Outcome.FAILED)
+
+
+async def test_a_monitor_that_waits_is_ended_by_the_person_without_a_trace(adapter: Socket) -> None:
+    stop = asyncio.Event()
+    settings = MonitorSettings(
+        lines=(parse_line(str(adapter.path)),), baud=19200, hears=Side.CONTROL, when_lost=WhenLost.WAIT
+    ).observed_by(adapter.observe, lambda entry: None, stop)
+    strays: list[object] = []
+    asyncio.get_running_loop().set_exception_handler(lambda loop, context: strays.append(context))
+    adapter.plug()
+    watching = asyncio.create_task(monitor(settings))
+    await adapter.opened(1)
+    await adapter.unplug()
+    await adapter.until(lambda: any("not yet" in text for text in adapter.notices()))
+    stop.set()
+    result = await asyncio.wait_for(watching, LIMIT_S)
+    gc.collect()
+    await asyncio.sleep(0)
+    assert result.outcome is Outcome.CANCELLED
+    assert not strays
+
+
+def test_a_loss_is_news_unless_the_line_had_not_really_been_back() -> None:
+    losses = Losses()
+    assert losses.is_news("unplugged", 0)
+    assert not losses.is_news("unplugged", SECOND)
+    assert losses.is_news("reset", 2 * SECOND)
+    assert losses.is_news("reset", 2 * SECOND + STEADY)
 
 
 async def test_a_monitor_listens_on_when_the_line_is_back(adapter: Socket) -> None:

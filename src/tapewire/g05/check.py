@@ -282,11 +282,11 @@ class _Work:
 
     def _look_for_standstill(self, records: Records) -> None:
         assert records.auxiliary is not None
-        still = ~records.travel.any(axis=1) & ((records.auxiliary & np.uint32(SIGNIFICANT - 1)) == 0)
+        still = ~records.travel.any(axis=1) & (records.auxiliary <= np.uint32(SIGNIFICANT))
         for index in np.flatnonzero(still):
             self._section.problem(
-                f"record {self._motion.records + int(index) + 1:,}: no travel and the auxiliary function 0: whether "
-                "the control leaves binary input operation here is not stated"
+                f"record {self._motion.records + int(index) + 1:,}: no travel, and no significant auxiliary "
+                "function but 0: whether the control leaves binary input operation here is not stated"
             )
 
     def report(self, line: int, offset: int) -> SectionChecked:

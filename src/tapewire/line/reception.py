@@ -22,7 +22,7 @@ from tapewire.line.faults.injector import Injector
 from tapewire.line.paths import PathKind
 from tapewire.line.transport import Closed, Fault, LineItem
 
-__all__ = ["Mark", "Reception", "Segment"]
+__all__ = ["Cut", "Mark", "Reception", "Segment"]
 
 Mark: TypeAlias = tuple[Nanos, SignalsIn | Closed | Fault]
 """Something that is no plain character, and its moment."""
@@ -60,6 +60,17 @@ class Segment:
     def last(self) -> Nanos:
         """When the last one comes."""
         return self.first + (len(self.data) - 1) * self.step
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """What a power cut did to characters handed over."""
+
+    lost: int = 0
+    """How many did not come out whole; `was`, the one that was under way, is among them."""
+    was: bytes = b""
+    read: bytes | Fault | None = None
+    """What the other end reads of it; None where not even its start bit was sent."""
 
 
 class Reception:
@@ -112,18 +123,20 @@ class Reception:
             self._wire.pop()
             count -= waiting
 
-    def cut(self, moment: Nanos, bits: int, parity: Parity) -> None:
+    def cut(self, moment: Nanos, bits: int, parity: Parity) -> Cut:
         """The other end lost its power, which shows here at `moment`: what has not arrived never does, but for what
         is read of the character of `bits` bits that was under way.
         """
         self._deadline_holds = False
-        under_way = None
+        under_way, lost, was = None, 0, b""
         while self._wire and self._wire[-1].last > moment:
             segment = self._wire.pop()
             arrived = segment.arrived(moment) if segment.first <= moment else 0
+            lost += len(segment.data) - max(arrived, segment.taken)
             begun = segment.first + arrived * segment.step - segment.step
             if begun < moment:
-                under_way = truncated(segment.data[arrived], (moment - begun) * bits // segment.step, parity)
+                was = segment.data[arrived : arrived + 1]
+                under_way = truncated(was[0], (moment - begun) * bits // segment.step, parity)
                 ends = begun + segment.step
             if arrived > segment.taken:
                 segment.data = segment.data[:arrived]
@@ -133,6 +146,7 @@ class Reception:
                 self.put(ends, byte, ends - moment)
             case Fault():
                 self.mark(ends, under_way)
+        return Cut(lost, was, under_way)
 
     def forget(self, now: Nanos) -> None:
         """What has arrived by `now` is lost, told or not; the control lines are told again as they are."""

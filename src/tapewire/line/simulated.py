@@ -18,7 +18,7 @@ from tapewire.line.faults.injector import Injector, Injectors
 from tapewire.line.lateness import EARLY
 from tapewire.line.pacing import BITS_PER_CHARACTER, Pacing, TxPacer, character_time
 from tapewire.line.paths import PathKind, TransmitterEmpty
-from tapewire.line.reception import Reception
+from tapewire.line.reception import Cut, Reception
 from tapewire.line.transport import Closed, LineItem, StopDistance
 
 __all__ = ["CableEnd", "EndSettings", "simulated_cable"]
@@ -218,16 +218,18 @@ class CableEnd:
 
     # what happens to the computer or the control at this end
 
-    def cut_power(self, now: Nanos) -> None:
+    def cut_power(self, now: Nanos) -> Cut:
         """This end is dead in the middle of what it says, until `restore`; its signals fall.
 
         What has come as far as a serial server still leaves: that has a power supply of its own.
         """
         self._away = True
+        cut = Cut()
         if not self._path.latency:
-            self.peer._reception.cut(now + self._cable.latency, self._cable.bits, self._cable.parity)
+            cut = self.peer._reception.cut(now + self._cable.latency, self._cable.bits, self._cable.parity)
         self._begin()
         self.set_signals(SignalsOut(rts=False, dtr=False), now)
+        return cut
 
     def abandon(self, now: Nanos) -> None:
         """The program at this end is gone, until `restore`: what the driver holds still leaves, the signals stay."""

@@ -87,7 +87,7 @@ def _outcome(evidence: Evidence) -> str:
         return "broken off"
     if job.killed:
         return "host's process ended"
-    if "host" in evidence.waited:
+    if any("host" in wait.who for wait in evidence.waits):
         return "ended by hand"
     return "complete" if job.complete else "not complete, and told so"
 

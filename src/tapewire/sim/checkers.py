@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
+from tapewire.engine import Nanos
 from tapewire.line.faults.plan import Wire
 from tapewire.line.paths import PATHS, TransmitterEmpty
 from tapewire.sim.evidence import Attempt, Evidence, Job
@@ -51,7 +52,7 @@ def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterato
     if evidence.broken:
         yield "no engine breaks", evidence.broken, ""
     if evidence.disagreement:
-        yield "both ends believe the same parameters", evidence.disagreement, excuses.told_wrongly()
+        yield "both ends believe the same parameters", evidence.disagreement, excuses.told_wrongly(evidence.jobs[-1])
     if evidence.footprint > FOOTPRINT_BYTES:
         yield "memory is bounded", f"{evidence.footprint:,} bytes", ""
     if evidence.host.after_stop:
@@ -61,14 +62,16 @@ def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterato
     if _must_be_repeated(scenario, evidence) and not evidence.jobs[0].complete:
         what = f"not complete after {evidence.damages[0].name}: {evidence.jobs[0].reason}"
         yield "what can be asked for again is", what, ""
-    for who in evidence.waited:
-        yield "nobody waits for ever", f"the {who} waits, and nothing more is to come", excuses.waiting(who)
+    for wait in evidence.waits:
+        for who in wait.who:
+            yield "nobody waits for ever", f"the {who} waits, and nothing more is to come", excuses.waiting(who, wait)
     for who in evidence.stuck:
         yield "what is ended by hand ends", f"the {who} did not end after RESET and giving up", ""
     for moment, count, allowed in evidence.overruns:
         if count > allowed:
             what = f"{count} characters after a stop at {moment / 1e9:.3f} s, {allowed} allowed"
-            yield "no more comes after a stop than is allowed", what, _overrun_excuse(scenario, allowed, excuses)
+            excuse = _overrun_excuse(scenario, allowed, moment, excuses)
+            yield "no more comes after a stop than is allowed", what, excuse
 
 
 def _must_be_repeated(scenario: Scenario, evidence: Evidence) -> bool:
@@ -82,13 +85,13 @@ def _must_be_repeated(scenario: Scenario, evidence: Evidence) -> bool:
     return repeats and one and evidence.left_alone and not evidence.overruns_beyond
 
 
-def _overrun_excuse(scenario: Scenario, allowed: int, excuses: Excuses) -> str:
+def _overrun_excuse(scenario: Scenario, allowed: int, moment: Nanos, excuses: Excuses) -> str:
     """A receive FIFO tells a lone DC3 some characters late; what is on the line then comes all the same."""
     path = PATHS[scenario.path]
     late_told = path.timeout_characters + scenario.cnc_window
     if path.transmitter_empty is not TransmitterEmpty.ASKED or in_flight(scenario) + late_told > allowed:
         return "a path that guarantees no stop distance"
-    return excuses.overrun()
+    return excuses.overrun(moment)
 
 
 def in_flight(scenario: Scenario) -> int:
@@ -100,10 +103,11 @@ def _send(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterator[
     for number, attempt in enumerate(evidence.attempts):
         if not attempt.armed and attempt.got:
             yield "nothing is sent that was not armed", f"{attempt.got} bytes came", excuses.out_of_nothing(attempt)
-        wrong = first_difference(bytes(attempt.delivered), evidence.program)
+        got = bytes(attempt.delivered)
+        wrong = first_difference(got, evidence.expected)
         if wrong is not None and attempt.armed:
-            what = f"attempt {number + 1}: byte {wrong} of {len(attempt.delivered)} delivered differs"
-            yield "what is delivered is a prefix of the program", what, excuses.content(attempt, wrong)
+            what = f"attempt {number + 1}: byte {wrong} of {len(got)} delivered differs"
+            yield "what is delivered is a prefix of the program", what, excuses.content(attempt, wrong, got)
     for job in evidence.jobs:
         yield from _job_sent(scenario, evidence, job, excuses)
 
@@ -118,14 +122,14 @@ def _job_sent(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuses
         # The last characters may still be on the line, or in an adapter that does not say so.
         if most != whole or got + in_flight(scenario) < whole:
             what = f"{got}, at last {most}, of {whole} bytes were with the control: {job.reason}"
-            yield "complete means delivered whole", what, excuses.short(attempts[-1] if attempts else None)
+            yield "complete means delivered whole", what, excuses.short(_last(attempts), job)
         return
     if job.low > got:
         what = f"{job.low} bytes certain, {got} with the control: {job.reason}"
-        yield "what is certain is with the control", what, excuses.less(attempts)
+        yield "what is certain is with the control", what, excuses.less(attempts, job, job.low - got)
     if job.high < most:
         what = f"{job.high} bytes at most, {most} with the control: {job.reason}"
-        yield "no more is with the control than can be", what, excuses.more(attempts)
+        yield "no more is with the control than can be", what, excuses.more(job, most - job.high)
 
 
 def _receive(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterator[Broken]:
@@ -137,10 +141,10 @@ def _receive(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterat
         if wrong is not None and (job.complete or not evidence.on(Wire.FROM_CONTROL)):
             # What came damaged is stored as it was read, so that its place can be found; it is just not complete.
             what = f"job {number + 1}: byte {wrong} of {len(stored)} stored differs"
-            yield "what is stored is a prefix of what was sent", what, excuses.content(_last(attempts), wrong)
+            yield "what is stored is a prefix of what was sent", what, excuses.content(_last(attempts), wrong, stored)
         if job.complete and stored != program and wrong is None:
             what = f"{len(stored)} of {len(program)} bytes are stored: {job.reason}"
-            yield "complete means stored whole", what, excuses.short(_last(attempts))
+            yield "complete means stored whole", what, excuses.short(_last(attempts), job)
         if job.complete is not None and job.low != len(stored):
             yield "the count is what is stored", f"{job.low} counted, {len(stored)} stored", ""
 

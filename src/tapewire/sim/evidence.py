@@ -9,16 +9,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
-from tapewire.engine import Nanos
+from tapewire.engine import Nanos, Outcome
 from tapewire.line.faults.log import Injected
 from tapewire.line.faults.plan import EndFault, Wire
 from tapewire.line.link import Link
 from tapewire.line.transport import Fault, LineItem
+from tapewire.sim.frames import LAST_CODES, last_codes
 
-__all__ = ["Attempt", "Damage", "Evidence", "Job", "Tap"]
+__all__ = ["Attempt", "Damage", "Evidence", "Job", "Tap", "Wait"]
 
-MOST_DAMAGES: Final = 2000
-"""More make everything possible, as a wrong baud rate does, and need not be kept apart."""
+MOST_DAMAGES: Final = 500_000
+"""A wrong baud rate damages nearly every character, and 64 KB go there and back a few times. More excuse nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,17 +70,22 @@ class Tap:
     """Characters that stop this end, as it reads them,"""
     goes: frozenset[int] = frozenset()
     """and those that let it go on, or end what it was doing."""
+    codes: frozenset[int] = frozenset()
+    """What counts as a code where codes are listened for."""
+    last_codes: bytes = b""
+    """The last ones that were brought unmarked."""
     after_stop: int = 0
     """Characters handed over between one and the other."""
     _stopped: bool = False
 
     def listen(self, link: Link) -> None:
         link.on_write = self._write if self.stops else self.sent.extend
-        link.on_recall = self._recalled
+        link.on_recall = self.never_left
         before = link.on_item
         link.on_item = self._hear if before is None else _both(self._hear, before)
 
-    def _recalled(self, count: int) -> None:
+    def never_left(self, count: int) -> None:
+        """The last `count` characters handed over were called back, or lost with the power."""
         if count:
             del self.sent[-count:]
 
@@ -91,6 +97,8 @@ class Tap:
     def _hear(self, item: LineItem, now: Nanos) -> None:
         if isinstance(item, bytes):
             self.brought += item
+            if self.codes and (found := last_codes(item, self.codes)):
+                self.last_codes = (self.last_codes + found)[-LAST_CODES:]
             for byte in item if self.stops else b"":
                 self._stopped = byte in self.stops or (self._stopped and byte not in self.goes)
         elif isinstance(item, Fault) and item.byte is not None:
@@ -117,7 +125,9 @@ class Attempt:
     place: int
     """Characters the host had sent before,"""
     heard: int
-    """and the control."""
+    """and the control,"""
+    brought: int
+    """and those that had been brought to the end that takes the program."""
     delivered: bytearray = field(default_factory=bytearray)
     """What came out at the other end."""
     got: int = 0
@@ -143,27 +153,41 @@ class Job:
     """What a reception has stored."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wait:
+    """Patience was over, and the operator had to end it."""
+
+    who: tuple[str, ...]
+    """Those who were still waiting."""
+    job: Job
+    attempt: Attempt | None
+    said: bytes
+    """The last codes that the control had said,"""
+    heard: bytes
+    """and the last ones that had come to the host unmarked."""
+    moving: bool = False
+    """The control was in the middle of a block."""
+
+
 @dataclass(slots=True)
 class Evidence:
     """Everything about one transfer."""
 
     program: bytes
+    expected: bytes
+    """The same as it comes out at the other end: the control may have been told to convert it."""
     host: Tap = field(default_factory=Tap)
     cnc: Tap = field(default_factory=Tap)
     damages: list[Damage] = field(default_factory=list)
-    too_many: bool = False
-    """There were more damages than are kept."""
     acts: list[tuple[Nanos, str]] = field(default_factory=list)
     """What persons did, and what happened to the ends."""
     attempts: list[Attempt] = field(default_factory=list)
     jobs: list[Job] = field(default_factory=list)
     last_disturbance: Nanos = 0
-    waiting_since: int | None = None
-    """How many acts came before that."""
-    waited: list[str] = field(default_factory=list)
-    """Who was still waiting when patience was over: the operator had to end it."""
-    moving: bool = False
-    """The control was in the middle of a block then."""
+    control_ends: list[tuple[Nanos, Outcome]] = field(default_factory=list)
+    """How the operations of the control ended."""
+    waits: list[Wait] = field(default_factory=list)
+    """Where patience was over."""
     stuck: list[str] = field(default_factory=list)
     """Who did not end even then."""
     broken: str = ""
@@ -182,10 +206,8 @@ class Evidence:
 
     def note_fault(self, entry: Injected) -> None:
         self.last_disturbance = max(self.last_disturbance, entry.moment)
-        if len(self.damages) >= MOST_DAMAGES:
-            self.too_many = True
-            return
-        self.damages.append(Damage(entry.moment, entry.kind, entry.wire, entry.place, entry.sent, entry.arrived))
+        if len(self.damages) < MOST_DAMAGES:
+            self.damages.append(Damage(entry.moment, entry.kind, entry.wire, entry.place, entry.sent, entry.arrived))
 
     def note_act(self, what: str, now: Nanos) -> None:
         self.acts.append((now, what))

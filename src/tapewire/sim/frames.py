@@ -8,12 +8,10 @@ from __future__ import annotations
 from itertools import accumulate
 from typing import Final
 
-__all__ = ["cancelled_sums", "forged_records"]
+__all__ = ["LAST_CODES", "cancelled_sums", "ends_with_stop", "forged_records", "last_codes", "rest_fits", "text_of"]
 
 _HEX: Final = {bytes((digit,)): value for value, digit in enumerate(b"0123456789ABCDEF")}
 _LRC_XOR_BITS: Final = 0x7F
-_ETB: Final = 0x17
-_ETX: Final = 0x03
 
 
 def cancelled_sums(sent: bytes, brought: bytes, n: int) -> bool:
@@ -51,15 +49,27 @@ def _digits(digits: bytes) -> int | None:
     return None if high is None or low is None else high * 16 + low
 
 
-def forged_records(sent: bytes, brought: bytes, lrc: str) -> bool:
-    """Some record of DNC LINK was brought that was not sent, with a right check character (2.2)."""
+def forged_records(sent: bytes, brought: bytes, lrc: str, ends: frozenset[int]) -> bool:
+    """Some record of DNC LINK was brought that was not sent, its check character right (2.2). `ends` end a record."""
     sent, brought = bytes(byte & 0x7F for byte in sent), bytes(byte & 0x7F for byte in brought)
-    ends = [at for at, byte in enumerate(brought[:-1]) if byte in (_ETB, _ETX)]
-    starts = [0, *(end + 2 for end in ends)]
-    for end in ends:
+    places = [at for at, byte in enumerate(brought[:-1]) if byte in ends]
+    starts = [0, *(end + 2 for end in places)]
+    for end in places:
         for start in starts:
             right = 0 <= end - start <= 256 and _check(brought[start:end], brought[end], lrc) == brought[end + 1]
             if right and brought[start : end + 2] not in sent:
+                return True
+    return False
+
+
+def rest_fits(brought: bytes, taken: bytes, lrc: str, ends: frozenset[int]) -> bool:
+    """A record was taken that is only the rest of one: the control gave up its beginning after a silence (2.2.4)."""
+    brought = bytes(byte & 0x7F for byte in brought)
+    places = [at for at, byte in enumerate(brought[:-1]) if byte in ends]
+    for start, end in zip([-2, *places], places, strict=False):
+        for begins in range(start + 3, end):
+            text = brought[begins:end]
+            if _check(text, brought[end], lrc) == brought[end + 1] and text in taken:
                 return True
     return False
 
@@ -75,3 +85,29 @@ def _check(text: bytes, end: int, lrc: str) -> int:
     if lrc.endswith("_inv"):
         value = ~value
     return (-value if lrc.startswith("neg7") else value) & _LRC_XOR_BITS
+
+
+LAST_CODES: Final = 3
+"""What both ends do at the moment hangs on so many of the last codes: a name, its end, the request behind it."""
+
+_NO_TEXT: Final = bytes(
+    byte for byte in range(256) if byte & 0x7F == 0x7F or (byte & 0x7F < 0x20 and byte & 0x7F not in b"\t\n\r")
+)
+_SEVEN_BITS: Final = bytes(byte & 0x7F for byte in range(256))
+
+
+def text_of(data: bytes) -> bytes:
+    """What two ends may compare of a program: without control codes and parity bits, blanks and rubouts."""
+    return data.translate(_SEVEN_BITS, _NO_TEXT)
+
+
+def last_codes(data: bytes, codes: frozenset[int]) -> bytes:
+    """The last of `codes` in `data`, at most three, without their parity bits."""
+    found = data.translate(None, bytes(byte for byte in range(256) if byte not in codes))
+    return found[-LAST_CODES:].translate(_SEVEN_BITS)
+
+
+def ends_with_stop(brought: bytes) -> bool:
+    """The last monitor packet of expansion A is DC3 (5.3)."""
+    stop = max(brought.rfind(b"\x13 "), brought.rfind(b"\x93 "))
+    return stop > max(brought.rfind(b"\x11 "), brought.rfind(b"\x18 "), brought.rfind(b"\x15"))

@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 from io import BytesIO
 from typing import Any, Final
 
-from tapewire.engine import CncEngine, Ended, Engine, Event, HostEngine, Nanos, Received, SignalsIn, SignalsOut, Sink
+from tapewire.engine import CncEngine, Ended, Engine, Event, HostEngine, Nanos, Received, Sink
 from tapewire.line.faults.injector import Injectors
 from tapewire.line.link import Application, Link
+from tapewire.line.reception import Cut
+from tapewire.line.simulated import CableEnd
 from tapewire.line.transport import Closed, Fault, LineItem, Transport
 from tapewire.protocols import ProtocolEntry, Reader
 from tapewire.sim.binary_operation import binary_operation
@@ -145,11 +147,15 @@ class Pair:
 
     # ends that lose their power or their program
 
-    def cut_power(self, side: Side, now: Nanos) -> None:
+    def cut_power(self, side: Side, now: Nanos) -> Cut:
         """The end is dead from the middle of the character it is sending."""
         side.off = True
-        side.link.transport.discard(now)
-        side.link.transport.set_signals(SignalsOut(rts=False, dtr=False), now)
+        return _end(side).cut_power(now)
+
+    def kill_host(self, now: Nanos) -> None:
+        """The host's program is gone: what its driver holds still leaves, and the control lines stay."""
+        self.host_side.off = True
+        _end(self.host_side).abandon(now)
 
     def restart_host(self, now: Nanos) -> None:
         """The host's program is started anew on the same port: it knows nothing of what was."""
@@ -166,12 +172,7 @@ class Pair:
     @staticmethod
     def _restart(side: Side, link: Link, now: Nanos) -> None:
         """What came while nobody listened is gone; the control lines are told as when a port is opened."""
-        signals = side.link.signals_in
-        for item in link.transport.read(now):
-            signals = item if isinstance(item, SignalsIn) else signals
-        if signals is not None:
-            link.signals_in = signals
-            link.engine.receive_signals(signals, now)
+        _end(side).restore(now)
         side.link = link
         side.off = False
 
@@ -214,6 +215,13 @@ class Pair:
             events.append((now, event))
         if self.transcript.kept_lines and (text := event_text(event)):
             self.transcript.happened(who, text, now)
+
+
+def _end(side: Side) -> CableEnd:
+    """What happens to a computer happens to its end of the cable."""
+    end = side.link.transport
+    assert isinstance(end, CableEnd)
+    return end
 
 
 def _listener(transcript: Transcript, who: str, read: Reader) -> Callable[[LineItem, Nanos], None]:

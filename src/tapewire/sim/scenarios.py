@@ -11,13 +11,14 @@ from typing import Final
 
 from tapewire.engine import MILLISECOND, SECOND, Nanos
 from tapewire.line.pacing import character_time, default_window
+from tapewire.line.paths import PATHS, TransmitterEmpty
 from tapewire.protocols import PROTOCOLS
 from tapewire.protocols.settings import End
 from tapewire.sim.programs import LEAST_BYTES, MOST_BYTES, program, program_with_cr_lf
 from tapewire.sim.streams import Draws
 from tapewire.sim.switches import Settings, draw_settings
 
-__all__ = ["Act", "Direction", "Finish", "OperatorAct", "Scenario", "draw"]
+__all__ = ["Act", "Codes", "Direction", "Finish", "OperatorAct", "Scenario", "draw"]
 
 LARGE_BYTES: Final = 20 * 1024
 """From here on a buffer of 8 KB fills, and DC3 happens."""
@@ -74,6 +75,28 @@ class Finish(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Codes:
+    """Control codes as a checker must know them: those of protocol B, or of the table of a Bridgeport control."""
+
+    all: frozenset[int]
+    stops: frozenset[int] = frozenset(b"\x13\x93")
+    """These stop who sends a program,"""
+    goes: frozenset[int] = frozenset(b"\x11\x12\x15\x16\x95\x96")
+    """and these let him go on, or end or begin a transfer."""
+    answers: frozenset[int] = frozenset()
+    """ACK and NAK,"""
+    ends: frozenset[int] = frozenset()
+    """what ends a text,"""
+    record_ends: frozenset[int] = frozenset()
+    """and what ends a record."""
+
+
+def _with_parity(codes: set[int]) -> frozenset[int]:
+    """Also under the parity bit that software makes, or a damaged one."""
+    return frozenset(codes) | frozenset(code | 0x80 for code in codes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
     """One transfer and what disturbs it."""
 
@@ -110,6 +133,30 @@ class Scenario:
         if self.protocol == "bridgeport":
             return program_with_cr_lf(self.size, self.place)
         return program(self.size, self.place, self.settings.data)
+
+    @property
+    def expected(self) -> bytes:
+        """The program as it comes out at the other end."""
+        words = self.settings.host
+        before, after = int(words.get("convert_from", "0")), int(words.get("convert_to", "0"))
+        return self.program.replace(bytes((before,)), bytes((after,)))
+
+    @property
+    def codes(self) -> Codes:
+        """What the control says of itself."""
+        if self.protocol != "bridgeport":
+            return Codes(all=frozenset(b"\x11\x12\x13\x14\x15\x16\x93\x95\x96"))
+        table = PROTOCOLS[self.protocol].params(self.settings.host, End.HOST)
+        stop, goes = {table.xoff}, {table.cancel, table.xon, table.open_write, table.nak}
+        ends = {table.text_end, table.write_ready, table.read_request, table.write_close, table.rec_end}
+        return Codes(
+            all=_with_parity(stop | goes | ends | {table.ack}),
+            stops=_with_parity(stop),
+            goes=_with_parity(goes),
+            answers=_with_parity({table.ack, table.nak}),
+            ends=_with_parity({table.text_end}),
+            record_ends=frozenset({table.rec_end, table.rec_end_last}),
+        )
 
     @property
     def default_window(self) -> int:
@@ -157,7 +204,7 @@ def draw(protocol: str, preset: str, seed: int, *, path: str | None = None, punc
     draws = Draws(seed, protocol, preset, "scenario")
     receives = punches_out and draws.happens(0.3)
     direction = Direction.RECEIVE if receives else Direction.SEND
-    settings = draw_settings(protocol, draws, receives=receives)
+    settings = draw_settings(protocol, draws, Draws(seed, protocol, preset, "foreign"), receives=receives)
     size = _size(draws)
     if settings.cnc.get("mode") == "L" or settings.cnc.get("program") == "-1":
         size = min(size, SHORT_LOAD_BYTES - draws.between(0, 500))
@@ -179,7 +226,7 @@ def draw(protocol: str, preset: str, seed: int, *, path: str | None = None, punc
         settings=settings,
         grain=_grain(draws, size, baud),
         cnc_window=_cnc_window(draws, protocol, settings, size, direction),
-        window=_wide_window(draws, protocol, baud, size, direction),
+        window=_wide_window(draws, protocol, baud, size, direction, path),
         late=draws.choice((0, 0, 1, 15)) * MILLISECOND,
         source_pauses=draws.choice((0.0, 0.0, 0.0, 0.05)),
         start=round(draws.choice((0.0, draws.uniform(0, 3))) * SECOND),
@@ -214,12 +261,13 @@ def _cnc_window(draws: Draws, protocol: str, settings: Settings, size: int, dire
     return draws.choice((1, 2, 2, 16))
 
 
-def _wide_window(draws: Draws, protocol: str, baud: int, size: int, direction: Direction) -> int | None:
-    """Bridgeport's three characters make a host go two by two. Most of its large transfers have more in flight, as by
-    way of a serial server; then too much may come after XOFF, and that is told.
+def _wide_window(draws: Draws, protocol: str, baud: int, size: int, direction: Direction, path: str) -> int | None:
+    """Bridgeport's three characters make a host go two by two: where the transmitter can be asked, in a closed loop.
+    Elsewhere most large transfers have more in flight; then too much may come after XOFF, and that is told.
     """
     is_slow = protocol == "bridgeport" and direction is Direction.SEND and size > SMALL_BYTES
-    return default_window(baud, MOST_BYTES) if is_slow and draws.happens(0.9) else None
+    wide = is_slow and draws.happens(0.9) and PATHS[path].transmitter_empty is not TransmitterEmpty.ASKED
+    return default_window(baud, MOST_BYTES) if wide else None
 
 
 def _size(draws: Draws) -> int:

@@ -1,7 +1,7 @@
 """The parameters of both ends, drawn: every switch of a protocol's record, and the numbers that change a dialogue.
 
-What both ends must agree on is drawn once. What would only tell the two ends different things (another code table, a
-conversion of the program, a password of a sort) is left at its default: that is a wrong setting, not a fault of a line.
+What both ends must agree on is drawn once, foreign code tables among it. What would only tell the two ends different
+things is left at its default: that is a wrong setting, not a fault of a line.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from tapewire.codes import DataCode
+from tapewire.codes import DataCode, encode
 from tapewire.protocols import PROTOCOLS
 from tapewire.protocols.settings import End, describe_settings
 from tapewire.sim.streams import Draws
@@ -119,12 +119,26 @@ _CHOICES: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
     "bridgeport": _BRIDGEPORT,
 }
 
+_FOREIGN_CODES: Final[tuple[Mapping[str, str], ...]] = (
+    {"open_write": "05"},
+    {"ack": "0E", "nak": "0F"},
+    {"rec_end": "1E", "rec_end_last": "1F"},
+    {"cancel": "18", "cancel_tail": "13 18", "operator_cancel": "13 18", "parity_cancel": "18"},
+    {"xon": "1A", "xoff": "1B", "operator_cancel": "10"},
+)
+"""Tables that a Bridgeport control may have instead of ours: the same at both ends."""
+
+FOREIGN: Final = 0.15
+"""How often each of these is so: foreign codes, a program that is converted, a host that finds out by itself how its
+records are checked, and one that answers the end of what the control sends by XOFF.
+"""
+
 _ANYWAY: Final = frozenset({"mode"})
 """Drawn evenly: half of a protocol hangs on it."""
 
 
-def draw_settings(protocol: str, draws: Draws, *, receives: bool) -> Settings:
-    """What both ends are set to. `receives`: the program comes from the control."""
+def draw_settings(protocol: str, draws: Draws, foreign: Draws, *, receives: bool) -> Settings:
+    """What both ends are set to. `receives`: the program comes from the control. `foreign` is drawn from apart."""
     ends = _whose(protocol)
     host: dict[str, str] = {}
     cnc: dict[str, str] = {}
@@ -138,6 +152,7 @@ def draw_settings(protocol: str, draws: Draws, *, receives: bool) -> Settings:
         if ends[key] in ({End.CONTROL}, {End.BOTH}) and key != "n":
             cnc[key] = word
     _agree(protocol, host, cnc, draws, receives)
+    _make_foreign(protocol, host, cnc, foreign)
     return Settings(host=host, cnc=cnc, data=DataCode(host.get("data", "ascii")))
 
 
@@ -147,6 +162,22 @@ def _whose(protocol: str) -> dict[str, set[End]]:
     for key, _, _, end, _ in describe_settings(PROTOCOLS[protocol].record):
         whose.setdefault(key, set()).add(End(end))
     return whose
+
+
+def _make_foreign(protocol: str, host: dict[str, str], cnc: dict[str, str], draws: Draws) -> None:
+    if protocol == "bridgeport":
+        codes = draws.choice(_FOREIGN_CODES)
+        if draws.happens(FOREIGN):
+            host.update({key: word for key, word in codes.items() if not key.endswith("_cancel")})
+            cnc.update({key: word for key, word in codes.items() if key != "cancel_tail"})
+        if draws.happens(FOREIGN):
+            host["lrc"] = "auto"
+        if draws.happens(FOREIGN):
+            host["closing_dc3"] = cnc["closing_dc3"] = "on"
+    elif protocol.startswith("fanuc-a") and draws.happens(FOREIGN):
+        # 4.4.2: 45-48 of SET. The control has every X read as U.
+        code = DataCode(host.get("data", "ascii"))
+        host["convert_from"], host["convert_to"] = (str(encode(word, code)[0]) for word in (b"X", b"U"))
 
 
 def _agree(protocol: str, host: dict[str, str], cnc: dict[str, str], draws: Draws, receives: bool) -> None:

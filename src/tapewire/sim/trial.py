@@ -12,12 +12,15 @@ from typing import Any, Final
 from tapewire.engine import SECOND, AfterStop, Ended, Event, Nanos, Outcome
 from tapewire.errors import UsageError
 from tapewire.line.faults.damage import Parity
-from tapewire.line.faults.plan import CutPower, EndFault, Extent, FaultPlan, LineEnd, RestartProcess, StepClock
+from tapewire.line.faults.plan import CutPower, EndFault, Extent, FaultPlan, LineEnd, RestartProcess, StepClock, Wire
 from tapewire.line.faults.when import next_moment
 from tapewire.line.paths import PATHS
+from tapewire.line.reception import Cut
+from tapewire.line.transport import Fault
 from tapewire.sim.beliefs import disagreement
-from tapewire.sim.evidence import Attempt, Evidence, Job
+from tapewire.sim.evidence import Attempt, Evidence, Job, Wait
 from tapewire.sim.execution import BlockTime, Speeds
+from tapewire.sim.frames import last_codes
 from tapewire.sim.machine import Control
 from tapewire.sim.memory import footprint
 from tapewire.sim.pair import Pair
@@ -94,7 +97,7 @@ class Trial:
 
     def __init__(self, scenario: Scenario, plan: FaultPlan, *, kept_lines: int = 0) -> None:
         self.scenario = scenario
-        self.evidence = Evidence(program=scenario.program)
+        self.evidence = Evidence(program=scenario.program, expected=scenario.expected)
         self.world = World(scenario.seed, kept_lines=kept_lines)
         self._plan = plan
         self._draws = Draws(scenario.seed, scenario.protocol, scenario.preset, "trial")
@@ -144,10 +147,11 @@ class Trial:
         return {"blocks_per_second": scenario.blocks_per_second, "binary": None}
 
     def _tap(self, pair: Pair) -> None:
-        if self._sends and not self.scenario.protocol.startswith("fanuc-a"):
-            # DC3; DC1, or what ends or begins a transfer: NAK, SYN, and DLE, DC2 of Bridgeport.
-            self.evidence.host.stops = frozenset(b"\x13\x93")
-            self.evidence.host.goes = frozenset(b"\x10\x11\x12\x15\x16\x95\x96")
+        if not self.scenario.protocol.startswith("fanuc-a"):
+            codes = self.scenario.codes
+            self.evidence.host.codes = codes.all
+            if self._sends:
+                self.evidence.host.stops, self.evidence.host.goes = codes.stops, codes.goes
         self.evidence.host.listen(pair.host_link)
         self.evidence.cnc.listen(pair.cnc_link)
 
@@ -175,6 +179,7 @@ class Trial:
     def _cnc_event(self, event: Event, now: Nanos) -> None:
         if isinstance(event, Ended):
             self._step(now)
+            self.evidence.control_ends.append((now, event.outcome))
             self._busy = False
         elif isinstance(event, AfterStop):
             self.evidence.overruns.append((now, event.count, event.allowed))
@@ -229,6 +234,7 @@ class Trial:
             armed=self._job is not None,
             place=len(self.evidence.host.sent),
             heard=len(self.evidence.cnc.sent),
+            brought=len(self.evidence.cnc.brought if self._sends else self.evidence.host.brought),
         )
         try:
             if self._sends:
@@ -280,9 +286,15 @@ class Trial:
 
     def _end_the_waiting(self) -> None:
         evidence = self.evidence
-        evidence.waited += ["host"] * (self._job is not None) + ["control"] * self._busy
-        evidence.waiting_since = len(evidence.acts)
-        evidence.moving = self.pair.control.moving
+        wait = Wait(
+            who=("host",) * (self._job is not None) + ("control",) * self._busy,
+            job=evidence.jobs[-1],
+            attempt=evidence.attempts[-1] if evidence.attempts else None,
+            said=last_codes(bytes(evidence.cnc.sent), evidence.host.codes),
+            heard=evidence.host.last_codes,
+            moving=self.pair.control.moving,
+        )
+        evidence.waits.append(wait)
         if not self.pair.cnc_side.off:
             self._reset()
         self.world.advance(self._is_over, self.world.now + AFTER_RESET)
@@ -395,22 +407,30 @@ class Trial:
                 pair.host_side.asleep_until = max(pair.host_side.asleep_until, now + step)
             case RestartProcess(off=off) if not pair.host_side.off:
                 self._host_dies()
+                pair.kill_host(now)
                 self.world.at(now + off, self._host_returns)
             case CutPower(end=LineEnd.HOST, off=off) if not pair.host_side.off:
                 self._host_dies()
-                pair.cut_power(pair.host_side, now)
+                self._note_cut(pair.cut_power(pair.host_side, now), Wire.FROM_HOST)
                 self.world.at(now + off, self._host_returns)
             case CutPower(end=LineEnd.CONTROL, off=off) if not pair.cnc_side.off:
                 self._busy = False
-                pair.cut_power(pair.cnc_side, now)
+                self._note_cut(pair.cut_power(pair.cnc_side, now), Wire.FROM_CONTROL)
                 self.world.at(now + off, self._control_returns)
             case _:
                 pass
 
+    def _note_cut(self, cut: Cut, wire: Wire) -> None:
+        """What was under way counts as sent if something was read of it, and as damaged if that is something else."""
+        tap = self.evidence.host if wire is Wire.FROM_HOST else self.evidence.cnc
+        tap.never_left(cut.lost - isinstance(cut.read, bytes))
+        if cut.read is not None and cut.read != cut.was:
+            place = len(tap.sent) + isinstance(cut.read, Fault)
+            self.pair.line.log.note(self.world.now, "cut character", wire, place, cut.was, (cut.read,))
+
     def _host_dies(self) -> None:
         if (job := self._job) is not None:
             job.killed = True
-        self.pair.host_side.off = True
 
     def _host_returns(self) -> None:
         """The program starts anew, with nothing armed: it resumes nothing by itself."""

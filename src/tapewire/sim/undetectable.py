@@ -1,7 +1,8 @@
 """What the protocols cannot detect by their own rules, by name, decided from what was really injected.
 
 An excuse is as narrow as it can be made: it wants the damage that explains this very deviation, unseen by the UART, on
-the wire and at the place where it matters. docs/simulator.md says in words what stands here.
+the wire, at the place and in the time where it matters; and an end that handed on what it did not get is not excused by
+it. docs/simulator.md says in words what stands here.
 """
 
 from __future__ import annotations
@@ -10,16 +11,14 @@ from collections.abc import Iterable
 from typing import Final
 
 from tapewire.codes import EOR_CODES
+from tapewire.engine import Nanos, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.protocols.fanuc_a.packets import packet_bytes
-from tapewire.sim.evidence import Attempt, Damage, Evidence
-from tapewire.sim.frames import cancelled_sums, forged_records
+from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
+from tapewire.sim.frames import cancelled_sums, ends_with_stop, forged_records, rest_fits, text_of
 from tapewire.sim.scenarios import Act, Direction, Scenario
 
 __all__ = ["Excuses", "first_difference"]
-
-_FANUC_B_CODES: Final = frozenset(b"\x11\x12\x13\x14\x15\x16\x93\x95\x96")
-_BRIDGEPORT_ANSWERS: Final = frozenset(b"\x04\x06\x10\x11\x12\x13\x14\x15\x17")
 
 
 def first_difference(got: bytes, program: bytes) -> int | None:
@@ -31,8 +30,10 @@ def first_difference(got: bytes, program: bytes) -> int | None:
 
 _BRIDGEPORT_NAME: Final = frozenset(b"0123456789;LD")
 
-_MOST_AMBIGUOUS: Final = "more faults than a line can have and work"
-_PULLED: Final = "characters in a pulled cable that nothing shows"
+_STALLS: Final = frozenset({Act.STALL.value, "clock step: host"})
+
+_FORGED: Final = "a control code lost or forged"
+_DC3: Final = b"\x13"
 
 
 class Excuses:
@@ -47,16 +48,23 @@ class Excuses:
         self._data_wire = Wire.FROM_HOST if self._sends else Wire.FROM_CONTROL
         self._frame = 4 if self._is_b else 20
         """Characters a place may be off by the codes between program and wire: DC2, DC3; DC2 again and a name."""
-        self._linked = scenario.settings.cnc.get("mode", "D") == "D" and scenario.protocol == "bridgeport"
+        cnc = scenario.settings.cnc
+        named = cnc.get("program") != "-1"
+        self._linked = scenario.protocol == "bridgeport" and cnc.get("mode", "D") == "D" and named
+        self._codes = scenario.codes
 
     # what happened, and would not have been noticed
 
-    def _unseen(self, wire: Wire) -> list[Damage]:
+    def _unseen(self, wire: Wire, job: Job | None = None) -> list[Damage]:
+        """Those in the time of `job`, where one is given."""
         damages = self._evidence.unseen(wire)
         if self._scenario.settings.host.get("parity") == "software":
             # The engines check parity themselves: an odd number of bits turned is noticed.
             damages = [damage for damage in damages if not _odd(damage)]
-        return damages
+        return [damage for damage in damages if job is None or self._in_time(damage.moment, job)]
+
+    def _in_time(self, moment: Nanos, job: Job) -> bool:
+        return job.began <= moment and (not job.ended or moment <= job.ended)
 
     def _program_damage(self, attempt: Attempt, until: int) -> Damage | None:
         """Unseen damage of the program's characters at or before byte `until` of an attempt."""
@@ -67,49 +75,68 @@ class Excuses:
                 return damage
         return None
 
-    def _codes_hit(self, wire: Wire, codes: Iterable[int]) -> Damage | None:
-        """Unseen damage that took one of `codes` away or made one."""
+    def _codes_hit(self, wire: Wire, codes: Iterable[int], job: Job) -> Damage | None:
+        """Unseen damage that took one of `codes` away or made one, in the time of `job`."""
         wanted = frozenset(codes)
-        for damage in self._unseen(wire):
+        for damage in self._unseen(wire, job):
             if wanted & (set(damage.sent) | set(damage.plain)):
                 return damage
         return None
 
-    @property
-    def _pulled_unseen(self) -> bool:
-        return any(damage.kind == "pulled cable" and damage.sent for damage in self._evidence.damages)
-
-    @property
-    def _dark_control(self) -> str:
-        """What ended the control's operation and reached no host to which ER says nothing."""
-        if self._scenario.has_signals and self._scenario.settings.host.get("er") != "hidden":
+    def _dark_control(self, job: Job) -> str:
+        """What ended the control's operation in the time of `job` and reached no host to which ER says nothing."""
+        scenario, evidence = self._scenario, self._evidence
+        if scenario.has_signals and scenario.settings.host.get("er") != "hidden":
             return ""
-        if self._evidence.happened("power cut: control"):
+        if any(what == "power cut: control" and self._in_time(moment, job) for moment, what in evidence.acts):
             return "a control whose loss of power nothing shows"
-        if not self._is_a and self._evidence.kinds("pulled cable"):
+        failed = self._control_ended(job, Outcome.FAILED)
+        pulled = [damage for damage in evidence.damages if damage.kind == "pulled cable"]
+        if not self._is_a and failed and any(self._in_time(damage.moment, job) for damage in pulled):
             # SR855; and while DR is OFF neither SYN nor NAK is posted (6.1.2).
             return "an alarm of the control while its cable was pulled"
         return ""
 
+    def _control_ended(self, job: Job, *outcomes: Outcome) -> bool:
+        ends = self._evidence.control_ends
+        return any(outcome in outcomes and self._in_time(moment, job) for moment, outcome in ends)
+
+    # what both ends did with what they had
+
+    def _host_is_faithful(self, attempt: Attempt, wrong: int) -> bool:
+        """What it handed over from the start of the attempt on is the program, as far as that matters."""
+        later = [other.place for other in self._evidence.attempts if other.began > attempt.began]
+        sent = text_of(bytes(self._evidence.host.sent[attempt.place : min(later, default=None)]))
+        program = text_of(self._evidence.program)
+        differs = first_difference(sent[: len(program)], program)
+        return differs is None or differs > wrong + self._frame
+
+    def _receiver_is_faithful(self, attempt: Attempt, got: bytes) -> bool:
+        """What came out of it had come in."""
+        tap = self._evidence.cnc if self._sends else self._evidence.host
+        return text_of(got) in text_of(bytes(tap.brought[attempt.brought :]))
+
     # the rules
 
-    def content(self, attempt: Attempt | None, wrong: int) -> str:
-        """Other bytes than the program's came through, from byte `wrong` on."""
-        if self._evidence.too_many:
-            return _MOST_AMBIGUOUS
+    def content(self, attempt: Attempt | None, wrong: int, got: bytes) -> str:
+        """Other bytes than the program's came through, from byte `wrong` of `got` on."""
         if attempt is None:
             return ""
         if self._is_a:
             return self._content_a(attempt, wrong)
         if self._linked and self._sends:
-            return self._content_linked()
+            return self._content_linked(attempt)
         damage = self._program_damage(attempt, wrong)
-        return damage.name if damage is not None else ""
+        faithful = not self._sends or self._host_is_faithful(attempt, wrong)
+        if damage is None or not faithful or not self._receiver_is_faithful(attempt, got):
+            return ""
+        return damage.name
 
     def _content_a(self, attempt: Attempt, wrong: int) -> str:
-        if not self._evidence.on(Wire.FROM_HOST):
+        if not self._evidence.on(Wire.FROM_HOST) and not self._evidence.on(Wire.FROM_CONTROL):
             return ""
-        if cancelled_sums(bytes(self._evidence.host.sent), bytes(self._evidence.cnc.brought), self._n):
+        brought = bytes(self._evidence.cnc.brought[attempt.brought :])
+        if cancelled_sums(bytes(self._evidence.host.sent), brought, self._n):
             return "a sum of eight bits that cancels"
         return self._lost_packets(attempt, wrong)
 
@@ -119,83 +146,90 @@ class Excuses:
         return int(self._scenario.settings.host.get("n", "4")) if "expansion" in self._scenario.protocol else 0
 
     def _lost_packets(self, attempt: Attempt, wrong: int) -> str:
-        """Whole packets are missing from byte `wrong` on, and no number shows it."""
+        """Whole packets are missing from byte `wrong` on, and no number shows it: all their characters are gone, or
+        the NAK that asked for them.
+        """
         if not self._n:
             return ""
-        data, program = packet_bytes(self._n) - 4, self._evidence.program
+        data, program = packet_bytes(self._n) - 4, self._evidence.expected
+        lost = self._lost(Wire.FROM_HOST, attempt) // packet_bytes(self._n)
+        unheard = any(damage.moment >= attempt.began for damage in self._evidence.on(Wire.FROM_CONTROL))
         gap = wrong - wrong % data
         rest = bytes(attempt.delivered[gap:])
         resumed = program.find(rest[:64], gap)
-        if resumed > gap and (resumed - gap) % (10 * data) == 0:
+        round_trip = resumed > gap and (resumed - gap) % (10 * data) == 0
+        if round_trip and (unheard or lost * data >= resumed - gap):
             return "ten packets running lost: their numbers go round"
-        if program.endswith(rest) and (len(program) - len(attempt.delivered)) % data == 0:
+        missing = len(program) - len(attempt.delivered)
+        if program.endswith(rest) and missing % data == 0 and lost * data >= missing:
             return "a packet lost directly before the end packet"
         return ""
 
-    def _content_linked(self) -> str:
+    def _lost(self, wire: Wire, attempt: Attempt) -> int:
+        """Characters that did not arrive, since the attempt began."""
+        damages = [damage for damage in self._evidence.on(wire) if damage.moment >= attempt.began]
+        return sum(max(0, len(damage.sent) - len(damage.plain)) for damage in damages)
+
+    def _content_linked(self, attempt: Attempt) -> str:
         cnc = self._scenario.settings.cnc
-        if forged_records(
-            bytes(self._evidence.host.sent), bytes(self._evidence.cnc.brought), cnc.get("lrc", "xor7_etb")
-        ):
+        brought = bytes(self._evidence.cnc.brought[attempt.brought :])
+        ends = self._codes.record_ends
+        if forged_records(bytes(self._evidence.host.sent), brought, cnc.get("lrc", "xor7_etb"), ends):
             return "a check character of seven bits that cancels"
-        if self._codes_hit(Wire.FROM_CONTROL, b"\x06\x15"):
-            return "ACK or NAK lost or forged"
+        stalled = any(what in _STALLS and moment >= attempt.began for moment, what in self._evidence.acts)
+        if stalled and rest_fits(brought, bytes(attempt.delivered), cnc.get("lrc", "xor7_etb"), ends):
+            return "the rest of a record behind a pause, whose check character fits by chance"
+        for damage in self._unseen(Wire.FROM_CONTROL):
+            if damage.moment >= attempt.began and self._codes.answers & (set(damage.sent) | set(damage.plain)):
+                return "ACK or NAK lost or forged"
         return ""
 
-    def short(self, attempt: Attempt | None) -> str:
+    def short(self, attempt: Attempt | None, job: Job) -> str:
         """Complete was said, and the program is not there whole."""
-        if self._evidence.too_many:
-            return _MOST_AMBIGUOUS
-        if attempt is not None and self._is_a:
-            wrong = first_difference(bytes(attempt.delivered), self._evidence.program)
-            if wrong is not None and (excuse := self._content_a(attempt, wrong)):
+        if attempt is not None:
+            got = bytes(attempt.delivered)
+            wrong = first_difference(got, self._evidence.expected)
+            if wrong is not None and (excuse := self.content(attempt, wrong, got)):
                 return excuse
-        elif attempt is not None:
-            damage = self._program_damage(attempt, len(self._evidence.program))
+            damage = None if self._is_a else self._program_damage(attempt, len(self._evidence.program))
             if damage is not None:
                 return damage.name
-        if dark := self._dark_control:
+        if dark := self._dark_control(job):
             return dark
-        if self._scenario.protocol == "bridgeport" and self._codes_hit(Wire.FROM_CONTROL, _BRIDGEPORT_NAME):
+        if self._scenario.protocol == "bridgeport" and self._codes_hit(Wire.FROM_CONTROL, _BRIDGEPORT_NAME, job):
             return "a program name that came otherwise"
-        return self.told_wrongly()
+        return self.told_wrongly(job)
 
-    def told_wrongly(self) -> str:
-        """What the control said of itself came otherwise."""
-        if self._is_b and self._codes_hit(Wire.FROM_CONTROL, _FANUC_B_CODES):
-            return "a control code lost or forged"
-        if self._scenario.protocol == "bridgeport" and self._codes_hit(Wire.FROM_CONTROL, _BRIDGEPORT_ANSWERS):
-            return "a control code lost or forged"
-        if self._is_a and cancelled_sums(bytes(self._evidence.cnc.sent), bytes(self._evidence.host.brought), 0):
-            return "a sum of eight bits that cancels"
-        return ""
+    def told_wrongly(self, job: Job) -> str:
+        """What the control said of itself in the time of `job` came otherwise."""
+        if self._is_a:
+            heard = bytes(self._evidence.host.brought)
+            return "a sum of eight bits that cancels" * cancelled_sums(bytes(self._evidence.cnc.sent), heard, 0)
+        return _FORGED if self._codes_hit(Wire.FROM_CONTROL, self._codes.all, job) else ""
 
-    def less(self, attempts: list[Attempt]) -> str:
-        """Fewer characters are with the control than the host holds for certain."""
-        if self._evidence.too_many:
-            return _MOST_AMBIGUOUS
-        if attempts and not self._is_a:
-            damage = self._program_damage(attempts[-1], len(self._evidence.program))
-            if damage is not None:
-                return damage.name
-        if dark := self._dark_control:
+    def less(self, attempts: list[Attempt], job: Job, missing: int) -> str:
+        """`missing` characters fewer are with the control than the host holds for certain."""
+        attempt = attempts[-1] if attempts else None
+        if dark := self._dark_control(job):
             return dark
-        if attempts and self._is_a:
-            wrong = first_difference(bytes(attempts[-1].delivered), self._evidence.program)
-            if wrong is not None and (lost := self._lost_packets(attempts[-1], wrong)):
-                return lost
-        if self._evidence.kinds("late stop"):
+        if attempt is not None and not self._is_a:
+            lost = sum(max(0, len(damage.sent) - len(damage.plain)) for damage in self._unseen(Wire.FROM_HOST, job))
+            if 0 < missing <= lost:
+                return "lost character"
+            if eor := self._eor_came_otherwise(attempt):
+                return eor
+        if attempt is not None and self._is_a:
+            wrong = first_difference(bytes(attempt.delivered), self._evidence.expected)
+            if wrong is not None and (lost_packets := self._lost_packets(attempt, wrong)):
+                return lost_packets
+        if any(self._in_time(damage.moment, job) for damage in self._evidence.damages if damage.kind == "late stop"):
             return "a word of the control that is heard later than 100 ms"
-        return self.told_wrongly()
+        return self.told_wrongly(job)
 
-    def more(self, attempts: list[Attempt]) -> str:
-        """More characters are with the control than were handed over."""
-        if self._evidence.too_many:
-            return _MOST_AMBIGUOUS
-        if attempts and not self._is_a:
-            names = [damage.name for damage in self._unseen(Wire.FROM_HOST) if len(damage.plain) > len(damage.sent)]
-            return names[0] if names else ""
-        return ""
+    def more(self, job: Job, surplus: int) -> str:
+        """`surplus` characters more are with the control than were handed over."""
+        made = sum(max(0, len(damage.plain) - len(damage.sent)) for damage in self._unseen(Wire.FROM_HOST, job))
+        return "doubled character" if not self._is_a and surplus <= made else ""
 
     def out_of_nothing(self, attempt: Attempt) -> str:
         """Something of a program that was not armed came."""
@@ -204,47 +238,84 @@ class Excuses:
                 return damage.name
         return ""
 
-    def overrun(self) -> str:
-        """Too many characters came after a stop, on a path that would have stopped."""
-        if self._evidence.too_many:
-            return _MOST_AMBIGUOUS
+    def overrun(self, moment: Nanos) -> str:
+        """Too many characters came after a stop, on a path that would have stopped; told at `moment`."""
+        since = max((attempt.began for attempt in self._evidence.attempts if attempt.began <= moment), default=0)
+        # A host of protocol B stops at a damaged character too.
         damages = self._unseen(Wire.FROM_CONTROL) if self._is_b else self._evidence.on(Wire.FROM_CONTROL)
-        if damages:
-            # A host of protocol B stops at a damaged character too.
-            return "a stop request lost, damaged or late"
-        if self._evidence.kinds("late stop"):
+        late = [damage for damage in self._evidence.damages if damage.kind == "late stop"]
+        if any(since <= damage.moment <= moment for damage in damages + late):
             return "a stop request lost, damaged or late"
         return ""
 
-    def waiting(self, who: str) -> str:
-        """Nobody moves any more until a person does something."""
-        if self._evidence.too_many:
-            return _MOST_AMBIGUOUS
-        if who == "control":
-            return self._control_waits()
-        return self._lost_the_thread()
+    # nobody moves any more until a person does something
 
-    def _control_waits(self) -> str:
-        """A control whose host has ended, or died, or never had anything, waits for its operator."""
-        return "the host's job is over, and the control waits for RESET"
+    def waiting(self, who: str, wait: Wait) -> str:
+        if who == "host" or "host" in wait.who:
+            return self._lost_the_thread(wait)
+        if not wait.job.complete:
+            # The rest of its work is its operator's.
+            return "the host's job is over, and the control waits for RESET"
+        # The last check character was answered, and nothing answers the end code behind it (4.2).
+        hit = [damage for damage in self._evidence.on(Wire.FROM_HOST) if self._in_time(damage.moment, wait.job)]
+        if self._linked and any(self._codes.ends & set(damage.sent) for damage in hit):
+            return "the end code lost behind a program that is whole"
+        return self.short(wait.attempt, wait.job)
 
-    def _lost_the_thread(self) -> str:
-        evidence, settings = self._evidence, self._scenario.settings
+    def _lost_the_thread(self, wait: Wait) -> str:
+        job = wait.job
         if self._is_a:
-            return ""
-        if dark := self._dark_control:
+            return self._left_while_holding(job)
+        if dark := self._dark_control(job):
             return dark
-        if self._is_b and settings.cnc.get("alarm") == "at-reset" and evidence.happened(Act.ALARM.value):
+        if self._is_b and self._is_silent_alarm(job):
             return "an alarm that is told only at RESET (6.4 note 1)"
-        if self._sends and evidence.moving and self._scenario.override is not None and evidence.unseen(Wire.FROM_HOST):
+        unseen = self._unseen(Wire.FROM_HOST, job)
+        if self._sends and wait.moving and self._scenario.override is not None and unseen:
             return "a damaged block that takes hours"
-        codes = _FANUC_B_CODES if self._is_b else _BRIDGEPORT_ANSWERS
-        if any(codes & set(damage.sent) for damage in evidence.on(Wire.FROM_CONTROL)):
-            return "a control code lost or damaged"
-        if self._codes_hit(Wire.FROM_CONTROL, codes):
-            return "a control code forged"
-        if self._is_b and self._sends and self._codes_hit(Wire.FROM_HOST, EOR_CODES[settings.data]):
-            return "an EOR lost or forged"
+        if self._is_b and self._looks_like_a_stop(wait):
+            return "a reset that looks like a stop: no posting, and ER unseen"
+        if wait.said != wait.heard and self._touched(job):
+            return "a control code lost, damaged or forged"
+        if self._is_b and self._sends and wait.attempt is not None:
+            return self._eor_came_otherwise(wait.attempt)
+        return ""
+
+    def _is_silent_alarm(self, job: Job) -> bool:
+        """The control goes to alarm by itself, or because of a damaged character."""
+        acts = self._evidence.acts
+        alarmed = any(what == Act.ALARM.value and self._in_time(moment, job) for moment, what in acts)
+        at_reset = self._scenario.settings.cnc.get("alarm") == "at-reset"
+        return at_reset and (alarmed or self._control_ended(job, Outcome.FAILED))
+
+    def _touched(self, job: Job) -> bool:
+        """Something happened to what the control says, marked or not."""
+        return any(self._in_time(damage.moment, job) for damage in self._evidence.on(Wire.FROM_CONTROL))
+
+    def _looks_like_a_stop(self, wait: Wait) -> bool:
+        scenario = self._scenario
+        er_unseen = not scenario.has_signals or scenario.settings.host.get("er") == "hidden"
+        blind = er_unseen and scenario.settings.host.get("posting") == "off"
+        ended = self._control_ended(wait.job, Outcome.FAILED, Outcome.CANCELLED)
+        return blind and ended and wait.heard.endswith(_DC3)
+
+    def _left_while_holding(self, job: Job) -> str:
+        """5.3 3): a host that was told to wait waits for the next monitor packet, and an open line says nothing."""
+        held = self._n and ends_with_stop(bytes(self._evidence.host.brought))
+        if held and self._control_ended(job, Outcome.FAILED) and self._evidence.on(Wire.FROM_HOST):
+            return "a control that gave up the line while it held the host"
+        return ""
+
+    def _eor_came_otherwise(self, attempt: Attempt) -> str:
+        """The control stopped before the end of the program, or reads on behind it."""
+        eor, got = EOR_CODES[self._scenario.settings.data], bytes(attempt.delivered)
+        handed_over = len(self._evidence.host.sent) - attempt.place >= len(self._evidence.program)
+        reads_on = handed_over and not (got[1:] and got[-1] in eor)
+        stopped = len(got) < len(self._evidence.program) and got[-1:] != b"" and got[-1] in eor
+        for damage in self._unseen(Wire.FROM_HOST):
+            lost, forged = frozenset(eor) & frozenset(damage.sent), frozenset(eor) & frozenset(damage.plain)
+            if damage.moment >= attempt.began and ((reads_on and lost) or (stopped and forged)):
+                return "an EOR lost or forged"
         return ""
 
 

@@ -18,7 +18,7 @@ from tapewire.line.faults.injector import Injectors, injectors
 from tapewire.line.faults.plan import Extent, FaultPlan
 from tapewire.line.faults.presets import preset
 from tapewire.line.link import Link
-from tapewire.line.pacing import character_time, default_window
+from tapewire.line.pacing import Pacing, character_time, default_window, pacing_for
 from tapewire.line.paths import PATHS, PathKind
 from tapewire.line.simulated import EndSettings, simulated_cable
 from tapewire.protocols import protocol
@@ -39,6 +39,15 @@ def _path(name: str) -> PathKind:
     if name not in PATHS:
         raise UsageError(f"there is no path {name}: choose one of {', '.join(PATHS)}")
     return PATHS[name]
+
+
+def _near_end(window: int, path: PathKind | None) -> EndSettings:
+    """The host's end, paced as a real line of that path is; a bare UART is counted by the character.
+
+    Its clock is right, so that a question asked before the transmitter should be empty would be in vain.
+    """
+    pacing = Pacing.WINDOW if path is None else pacing_for(window, path.transmitter_empty)
+    return EndSettings(window=window, path=path, pacing=pacing, early=0)
 
 
 class World:
@@ -96,7 +105,7 @@ class World:
         line = self._injectors(plan, name, extent=extent, character=character_time(baud), parity=parity)
         near, far = simulated_cable(
             baud,
-            EndSettings(window=window or default_window(baud, host.needs_stop_distance), path=path or plan.path),
+            _near_end(window or default_window(baud, host.needs_stop_distance), path or plan.path),
             EndSettings(window=cnc_window, fifo=min(cnc_window, 2), grain=grain),
             latency=latency,
             has_signals=has_signals,

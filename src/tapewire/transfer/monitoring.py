@@ -5,11 +5,12 @@ from __future__ import annotations
 import asyncio
 import hashlib
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from tapewire.engine import SECOND, Closure, Nanos, Notice, Outcome, SignalsIn
-from tapewire.errors import UsageError
+from tapewire.errors import LineError, UsageError
 from tapewire.line.alarm import Alarm
 from tapewire.line.captures.file import CaptureSettings, unix_offset
 from tapewire.line.captures.records import ALL_ON, FAULTS, FROM_THIS_SIDE, Happening, Lines, Origin, Record, Side
@@ -22,7 +23,7 @@ from tapewire.line.transport import Closed, Fault, LineItem
 from tapewire.transfer.capturing import JobCapture
 from tapewire.transfer.decoding.entry import Entry
 from tapewire.transfer.decoding.recognise import Asked, Stream
-from tapewire.transfer.reopening import WhenLost, open_when_back
+from tapewire.transfer.reopening import Losses, WhenLost, open_when_back
 from tapewire.transfer.reports import Observer, Ready, Result, nothing
 
 __all__ = ["MonitorSettings", "OnEntry", "monitor"]
@@ -131,9 +132,10 @@ class _Monitor:
         self._capture = JobCapture(settings.capture, self._origin, settings.observer)
         failed = True
         try:
-            ended = await self._watch_once()
+            ended, losses = await self._watch_once(), Losses()
             while ended is not None and settings.when_lost is WhenLost.WAIT and not settings.stop.is_set():
-                self._note(f"{ended.reason}; opened again when it is back")
+                if losses.is_news(ended.reason, monotonic()):
+                    self._note(f"{ended.reason}; opened again when it is back")
                 self._listen_anew()
                 ended = await self._watch_once()
             failed = ended is not None and ended.closure is Closure.LOST
@@ -168,8 +170,8 @@ class _Monitor:
         """Both lines; None when the person has seen enough before they were there."""
         openings = [asyncio.ensure_future(self._open_one(address)) for address in self._settings.lines]
         stopping = asyncio.ensure_future(self._settings.stop.wait())
+        both = asyncio.gather(*openings)
         try:
-            both = asyncio.gather(*openings)
             either: list[asyncio.Future[Any]] = [both, stopping]
             await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
             return list(both.result()) if both.done() else None
@@ -177,10 +179,12 @@ class _Monitor:
             stopping.cancel()
             if not all(map(_is_open, openings)):
                 await _undo(openings)
+                with suppress(asyncio.CancelledError, LineError):
+                    both.result()  # an error of the second line, or our own cancelling, is nobody's news
 
     async def _open_one(self, address: LineAddress) -> DescriptorLine:
         if self._was_open:
-            return await open_when_back(lambda: self._open_now(address))
+            return await open_when_back(lambda: self._open_now(address), self._note)
         return await self._open_now(address)
 
     async def _open_now(self, address: LineAddress) -> DescriptorLine:

@@ -11,10 +11,14 @@ from collections.abc import Awaitable, Callable
 from enum import StrEnum
 from typing import Final
 
-from tapewire.errors import LineBusy, LineNotFound
+from tapewire.engine import SECOND, Nanos
+from tapewire.errors import LineError
 from tapewire.line.descriptor import DescriptorLine
 
-__all__ = ["WhenLost", "open_when_back"]
+__all__ = ["Losses", "WhenLost", "open_when_back"]
+
+STEADY: Final[Nanos] = 5 * SECOND
+"""A line that goes again sooner than this, and for the same reason, has not really been back."""
 
 REOPEN_PAUSE_S: Final = 0.5
 """How often a line that is gone is looked for. A USB adapter takes a second or two until its name is there again."""
@@ -27,12 +31,33 @@ class WhenLost(StrEnum):
     WAIT = "wait"
 
 
-async def open_when_back(opening: Callable[[], Awaitable[DescriptorLine]]) -> DescriptorLine:
-    """Try `opening` until the line is there and nobody else holds it. What can never be mended by waiting is raised:
-    a rate the port does not make, a path that is no port.
+class Losses:
+    """Which losses of a line are news: not the same again of one that hardly stays."""
+
+    def __init__(self) -> None:
+        self._last = ""
+        self._at: Nanos = 0
+
+    def is_news(self, reason: str, now: Nanos) -> bool:
+        again = reason == self._last and now - self._at < STEADY
+        self._last, self._at = reason, now
+        return not again
+
+
+async def open_when_back(
+    opening: Callable[[], Awaitable[DescriptorLine]], tell: Callable[[str], object]
+) -> DescriptorLine:
+    """Try `opening` again and again until the line is there; `tell` gets each new reason why it is not.
+
+    Nothing that a line can be refused for ends the waiting: a serial server that restarts hangs up at first, and an
+    adapter in another socket may be held by another program for a while. A person reads the reasons.
     """
+    last = ""
     while True:
+        await asyncio.sleep(REOPEN_PAUSE_S)
         try:
             return await opening()
-        except (LineNotFound, LineBusy):
-            await asyncio.sleep(REOPEN_PAUSE_S)
+        except LineError as error:
+            if str(error) != last:
+                last = str(error)
+                tell(f"not yet: {last}")

@@ -35,7 +35,7 @@ from tapewire.protocols import ProtocolEntry, protocol
 from tapewire.protocols.settings import End
 from tapewire.transfer.capturing import JobCapture
 from tapewire.transfer.meter import Meter
-from tapewire.transfer.reopening import WhenLost, open_when_back
+from tapewire.transfer.reopening import Losses, WhenLost, open_when_back
 from tapewire.transfer.reports import Observer, Progress, Ready, nothing
 
 __all__ = ["ABORT_LIMIT_S", "JobSettings", "Session", "settings_for", "undo"]
@@ -177,9 +177,10 @@ class Session:
         ended = None
         try:
             ended = await self._run(begin)
+            losses = Losses()
             while self._may_wait(ended):
-                text = f"{ended.reason}; nothing had begun, so {self.job.line} is opened again when it is back"
-                self.job.observer(Notice(text=text), monotonic())
+                if losses.is_news(ended.reason, monotonic()):
+                    self._note(f"{ended.reason}; nothing had begun, so {self.job.line} is opened again when it is back")
                 self.ended = None
                 ended = await self._run(begin)
             return ended
@@ -224,11 +225,16 @@ class Session:
             window=self._window,
             paced_reception=self._paced_reception,
             on_ready=lambda line: self.job.observer(Ready(line=line), monotonic()),
-            on_note=lambda text: self.job.observer(Notice(text=text), monotonic()),
+            on_note=self._note,
         )
 
+    def _note(self, text: str) -> None:
+        self.job.observer(Notice(text=text), monotonic())
+
     async def _open(self) -> Transport | Ended:
-        opening = asyncio.ensure_future(open_when_back(self._open_line) if self._was_open else self._open_line())
+        opening = asyncio.ensure_future(
+            open_when_back(self._open_line, self._note) if self._was_open else self._open_line()
+        )
         try:
             await self._race(opening)
             if opening.done():

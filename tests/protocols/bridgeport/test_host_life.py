@@ -125,6 +125,16 @@ def test_a_new_transaction_after_the_end_code_completes_the_old() -> None:
     assert rig.end.outcome is Outcome.COMPLETE
 
 
+def test_a_new_transaction_before_the_end_code_has_left_does_not() -> None:
+    """As on a line that is closed: what has not left, the control has not had."""
+    rig = Rig()
+    rig.hear(DC1)
+    rig.hand_over()
+    rig.hear(DC2)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+
+
 # what is not of the text: giving up, the line, damaged characters
 
 

@@ -417,6 +417,19 @@ def test_every_ending_of_a_dnc_file(how: DncEnd, tail: list[bytes]) -> None:
     assert (rig.end.outcome, rig.end.bytes_low) == (Outcome.COMPLETE, len(LINK))
 
 
+def test_a_last_record_may_be_answered_before_the_eot_behind_it_is_out() -> None:
+    """In a closed loop the check character leaves before the EOT is handed over: the control has the record then."""
+    rig = linked(dnc_end=DncEnd.EOT_AFTER_LRC)
+    rig.say(DC1)
+    rig.say(ACK)
+    rig.hear(ACK)
+    assert rig.take(9) == b"N30M2\r\n\x17\x22"
+    assert rig.say(ACK) == EOT
+    rig.wait(2 * SECOND)
+    assert rig.end is not None
+    assert (rig.end.outcome, rig.end.bytes_low) == (Outcome.COMPLETE, len(LINK))
+
+
 @pytest.mark.parametrize("how", list(DncEnd))
 def test_a_refused_last_record_comes_again_with_its_ending(how: DncEnd) -> None:
     rig = linked(dnc_end=how)

@@ -59,6 +59,10 @@ _BLANK_TAPE: Final = frozenset((State.TEXT_DUE, State.LOADING, State.RECORD_DUE,
 """Where leader and rubouts are passed over. In a record the LRC counts them."""
 
 
+_BEHIND_A_NAME: Final = frozenset((State.ASKING, State.TEXT_DUE, State.RECORD_DUE, State.SAVE_OPENING))
+"""Where the XOFF that closes a name may still come (closing_dc3)."""
+
+
 class BridgeportCnc(Reading):
     """The communication of a Bridgeport control: a CncEngine.
 
@@ -235,6 +239,8 @@ class BridgeportCnc(Reading):
         if self._breaks_the_stop():
             return
         if self._state in _BLANK_TAPE and character in self._params.ignore_rx:
+            return
+        if self._state in _BEHIND_A_NAME and character == self._params.xoff and self._params.closing_dc3 is Switch.ON:
             return
         match self._vocabulary[self._state][character]:
             case Word.READY:

@@ -159,7 +159,7 @@ class BridgeportHost(Job):
         orderly = closure is Closure.ORDERLY
         if self._state is State.SAVED and orderly:
             self._finish_saved(now)
-        elif self._state is State.TAIL and orderly and not self._more_to_send and not self._delivery.in_flight:
+        elif self._state is State.TAIL and orderly and self._end_has_left:
             self._finish_tail(now)
         elif self._has_job and self._ending is None:
             self._end(Outcome.FAILED, f"the line is gone: {reason}", now)
@@ -324,7 +324,7 @@ class BridgeportHost(Job):
         state = self._state
         if state is State.SAVED:
             self._finish_saved(now)
-        elif state is State.TAIL and not self._more_to_send:
+        elif state is State.TAIL and self._end_has_left:
             self._finish_tail(now)
         elif state in SENDING or (state is State.RECEIVING and self._in_transfer):
             self._end(Outcome.FAILED, "the control began anew before the program was complete", now)
@@ -338,6 +338,11 @@ class BridgeportHost(Job):
         self._replies[:] = bytes([self._params.write_ready])
         self._state = State.RECEIVING
         self._start(Timer.TEXT, self._params.text_timeout, now)
+
+    @property
+    def _end_has_left(self) -> bool:
+        """A control that begins anew, or goes, before the end has left this end has not had it."""
+        return not self._more_to_send and not self._delivery.in_flight
 
     def _on_request(self, now: Nanos) -> None:
         """1.2.1. In HOLD the control only repeats itself."""
@@ -406,7 +411,7 @@ class BridgeportHost(Job):
         if not isinstance(self._transmission, LinkRecords):
             self._ignore(Heard.ACK, self._params.ack)
             return
-        if self._state in (State.RECORD, State.TAIL):
+        if self._state in (State.RECORD, State.TAIL) and not self._transmission.only_end_is_left:
             self._ignore(Heard.ACK, self._params.ack)
             self._transmission.ack_inside()
         else:

@@ -140,7 +140,7 @@ LAW: Final[dict[tuple[State, Heard], frozenset[State]]] = {
     **{(state, Heard.XOFF): frozenset({state}) for state in SENDING},
     **{(state, Heard.XON): frozenset({state}) for state in SENDING},
     (State.RECORD, Heard.NAK): frozenset({State.RECORD, State.REST}),
-    (State.RECORD, Heard.ACK): frozenset({State.RECORD, State.REST}),
+    (State.RECORD, Heard.ACK): frozenset({State.RECORD, State.TAIL, State.REST}),
     (State.WAIT_ACK, Heard.NAK): frozenset({State.RECORD, State.REST}),
     (State.TAIL, Heard.NAK): frozenset({State.TAIL, State.REST}),
     (State.TAIL, Heard.ACK): frozenset({State.TAIL, State.REST}),

@@ -25,6 +25,9 @@ from tapewire.protocols.settings import Switch
 
 __all__ = ["LinkRecords", "LoadText", "Transmission"]
 
+RECORD_CODES: Final = 2
+"""Behind the text of a record: its end code and its check character (2.2)."""
+
 TRIES_PER_CANDIDATE: Final = 2
 """The second NAK of the first record speaks against the candidate; the first may have been a disturbance."""
 
@@ -233,6 +236,11 @@ class LinkRecords:
 
     def ack(self) -> None:
         """4.2.1: the next record, please. What was sent is proven."""
+        if self.only_end_is_left:
+            self._prove()
+            self._record, self._offset, self._data_bytes = self._record[-1:], 0, 0
+            self.state = State.TAIL
+            return
         if self.state is not State.WAIT_ACK:
             return
         if self._record:
@@ -243,6 +251,11 @@ class LinkRecords:
         self._wanted = True
         self.state = State.RECORD
         self.pump()
+
+    @property
+    def only_end_is_left(self) -> bool:
+        """The check character is out, and the end code that goes with it is not: the record may be answered already."""
+        return self.state is State.RECORD and self._data_bytes + RECORD_CODES == self._offset < len(self._record)
 
     def _prove(self) -> None:
         if not self._index and self._params.lrc is Lrc.AUTO:

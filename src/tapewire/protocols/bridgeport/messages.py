@@ -235,7 +235,7 @@ class Params(CodeTable):
         Switch.OFF, "Take a program that comes without DC2 and DC1, as to a tape punch.", end=End.HOST
     )
     closing_dc3: Switch = setting(
-        Switch.OFF, "Answer the end of what the control sends with XOFF, as related links do.", end=End.HOST
+        Switch.OFF, "The host answers the end of what the control sends with XOFF, as related links do.", end=End.BOTH
     )
     text_timeout: float = setting(
         30.0,

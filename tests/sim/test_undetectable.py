@@ -1,0 +1,124 @@
+"""What excuses a deviation, and what does not: the damage that explains it, in the time of the job and at the place."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import pytest
+
+from tapewire.engine import SECOND, LineFault, Nanos, Outcome
+from tapewire.line.faults.plan import Wire
+from tapewire.line.transport import Fault
+from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
+from tapewire.sim.scenarios import Direction, draw
+from tapewire.sim.switches import Settings
+from tapewire.sim.undetectable import Excuses
+
+PROGRAM = b"%\nN1 X1\nN2 X2\nM30\n%"
+
+
+def case(protocol: str = "fanuc-b", **damage: Any) -> tuple[Evidence, Excuses]:
+    """A transfer of PROGRAM of which the control has all, and one damage, in a job from 10 to 20 s."""
+    drawn = draw(protocol, "clean", 1)
+    plain = Settings(host={}, cnc={}, data=drawn.settings.data)
+    scenario = dataclasses.replace(drawn, direction=Direction.SEND, settings=plain, has_signals=True)
+    evidence = Evidence(program=PROGRAM, expected=PROGRAM)
+    evidence.host.sent += PROGRAM
+    evidence.cnc.brought += PROGRAM
+    attempt = Attempt(began=10 * SECOND, armed=True, place=0, heard=0, brought=0, got=len(PROGRAM))
+    attempt.delivered += PROGRAM
+    evidence.attempts.append(attempt)
+    evidence.jobs.append(Job(began=10 * SECOND, attempts_before=0, complete=False, ended=20 * SECOND))
+    if damage:
+        plan: dict[str, Any] = {
+            "moment": 15 * SECOND,
+            "kind": "test",
+            "wire": Wire.FROM_HOST,
+            "place": 5,
+            "sent": b"X",
+            "arrived": (),
+        }
+        evidence.damages.append(Damage(**{**plan, **damage}))
+    return evidence, Excuses(scenario, evidence)
+
+
+def spoil(evidence: Evidence, place: int, byte: bytes, *, brought: bool) -> bytes:
+    """The control delivers another character; `brought`: because it came so."""
+    spoilt = PROGRAM[:place] + byte + PROGRAM[place + 1 :]
+    evidence.attempts[0].delivered[:] = spoilt
+    if brought:
+        evidence.cnc.brought[:] = spoilt
+    return spoilt
+
+
+def test_a_flip_excuses_what_came_of_it_and_nothing_that_the_control_made_of_itself() -> None:
+    flip: dict[str, Any] = {"place": 6, "sent": b"X", "arrived": (b"Z",)}
+    evidence, excuses = case(**flip)
+    got = spoil(evidence, 5, b"Z", brought=True)
+    assert excuses.content(evidence.attempts[0], 5, got) == "flip without parity"
+    evidence, excuses = case(**flip)
+    got = spoil(evidence, 5, b"Z", brought=False)
+    assert excuses.content(evidence.attempts[0], 5, got) == ""
+
+
+def test_a_flip_excuses_no_host_that_sent_another_program() -> None:
+    evidence, excuses = case(place=6, sent=b"X", arrived=(b"Z",))
+    got = spoil(evidence, 5, b"Z", brought=True)
+    evidence.host.sent[:] = PROGRAM[6:] + PROGRAM
+    assert excuses.content(evidence.attempts[0], 5, got) == ""
+
+
+@pytest.mark.parametrize(("moment", "excused"), [(5 * SECOND, False), (15 * SECOND, True), (25 * SECOND, False)])
+def test_a_lost_code_counts_in_the_time_of_its_job(moment: Nanos, excused: bool) -> None:
+    evidence, excuses = case(moment=moment, wire=Wire.FROM_CONTROL, place=1, sent=b"\x11")
+    assert bool(excuses.told_wrongly(evidence.jobs[0])) is excused
+
+
+@pytest.mark.parametrize(("missing", "excused"), [(1, True), (2, False)])
+def test_no_more_is_missing_than_was_lost(missing: int, excused: bool) -> None:
+    evidence, excuses = case(sent=b"X", arrived=())
+    assert bool(excuses.less(evidence.attempts, evidence.jobs[0], missing)) is excused
+
+
+@pytest.mark.parametrize(("surplus", "excused"), [(1, True), (2, False)])
+def test_no_more_is_there_than_was_made(surplus: int, excused: bool) -> None:
+    evidence, excuses = case(sent=b"X", arrived=(b"XX",))
+    assert bool(excuses.more(evidence.jobs[0], surplus)) is excused
+
+
+@pytest.mark.parametrize(("heard", "excused"), [(b"\x11\x13", True), (b"\x11\x13\x11", False)])
+def test_who_waits_for_ever_must_not_have_heard_what_was_said_last(heard: bytes, excused: bool) -> None:
+    lost = Fault(fault=LineFault.PARITY, byte=0x10)
+    evidence, excuses = case(wire=Wire.FROM_CONTROL, place=3, sent=b"\x11", arrived=(lost,))
+    job, attempt = evidence.jobs[0], evidence.attempts[0]
+    wait = Wait(who=("host", "control"), job=job, attempt=attempt, said=b"\x11\x13\x11", heard=heard)
+    assert bool(excuses.waiting("host", wait)) is excused
+    assert bool(excuses.waiting("control", wait)) is excused
+
+
+def test_a_control_alone_waits_for_reset_only_behind_a_job_that_is_not_complete() -> None:
+    evidence, excuses = case()
+    wait = Wait(who=("control",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"")
+    assert excuses.waiting("control", wait) == "the host's job is over, and the control waits for RESET"
+    evidence.jobs[0].complete = True
+    assert excuses.waiting("control", wait) == ""
+
+
+def test_a_control_that_left_while_it_held_its_host() -> None:
+    evidence, excuses = case("fanuc-a-expansion", place=0, sent=b"", arrived=(Fault(fault=LineFault.BREAK),))
+    evidence.host.brought += b"\x13 33\r"
+    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"")
+    assert excuses.waiting("host", wait) == "", "it has not left"
+    evidence.control_ends.append((15 * SECOND, Outcome.FAILED))
+    assert excuses.waiting("host", wait) == "a control that gave up the line while it held the host"
+    evidence.host.brought += b"\x11 31\r"
+    assert excuses.waiting("host", wait) == "", "it has let go"
+
+
+def test_whole_packets_are_excused_where_so_many_characters_were_lost() -> None:
+    evidence, excuses = case("fanuc-a-expansion", sent=bytes(1000), arrived=())
+    evidence.program = evidence.expected = bytes(range(33, 97)) * 48 + b"%"
+    attempt = evidence.attempts[0]
+    attempt.delivered[:] = evidence.expected[1024:]
+    assert excuses.content(attempt, 0, bytes(attempt.delivered)) == "", "a thousand characters are no packet of 1028"
