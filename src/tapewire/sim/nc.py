@@ -198,7 +198,8 @@ class Nc:
         self._ask(request)
 
     def may_begin(self, operation: Operation, ground: Ground, now: Nanos) -> bool:
-        """The control is free, and the device is the remote buffer, and works; else SR807. Raises UsageError where it is not free."""
+        """The control is free, and the device is the remote buffer, and works; else SR807. Raises UsageError where the
+        control is at work or in alarm."""
         if self.alarms:
             raise UsageError("an alarm is on: RESET first")
         if self.operation is not Operation.NONE:
