@@ -89,6 +89,8 @@ def test_diagnose_names_the_case(words: tuple[str, ...], status: int, case: str)
         ("--green", "purple"),
         ("--read-pointer", "1"),
         ("--read-pointer", "1", "--write-pointer", "x"),
+        ("--read-pointer", "1", "--write-pointer", "-1"),
+        ("--read-pointer", "1", "--write-pointer", "123456789"),
         ("--alarm", "1"),
         ("--red", "4"),
         ("--capture", "gone"),

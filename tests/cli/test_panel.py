@@ -187,7 +187,7 @@ def test_the_parameters_of_a_control_make_its_line(shop: Shop) -> None:
     told = "N0000 P00001100\nN5000 P00011000\nN5081 P3\nN5082 P2\nN5083 P11\nN5084 P1\n"
     file = shop.file("parameters", told.encode())
     with panel(shop.folder, "--parameters", file) as terminal:
-        terminal.wait_for("protocol B", "9600 baud, 8N2", "5084=1  5083=11  5082=2", "5000=24")
+        terminal.wait_for("protocol B", "9600 baud, 8N2", "5084=1  5083=11  5082=2", "5000=00011000  5081=3")
         terminal.press("q")
         assert terminal.end() == 1
 
@@ -267,9 +267,23 @@ def test_1_2_parameters_are_punched_from_their_page_and_6_4_stop(shop: Shop) -> 
         assert host.outcome() is Outcome.COMPLETE
         assert back.read_bytes().split(b"\n")[1:3] == [b"N0000 P00001100", b"N0020 P10"]
         terminal.press("t0022=4\nbbi")
-        terminal.wait_for("No. 0022 is 4: this control has the remote buffer alone")
-        terminal.press("q")
+        terminal.wait_for("ALARM", "SR807  PARAMETER SETTING ERROR: No. 0022 is 4: this control has the re")
+        terminal.press("r0022=10\nq")
         assert terminal.end() == 0
+
+
+def test_6_4_note_1_reset_in_the_background_says_why_it_ends_nothing_and_stop_does(tmp_path: Path) -> None:
+    with panel(tmp_path) as terminal:
+        terminal.wait_for("open")
+        terminal.press("bi")
+        terminal.wait_for("INPUT")
+        terminal.press("r")
+        terminal.wait_for("in the background RESET ends no communication that posts", "INPUT")
+        terminal.press("t")
+        terminal.wait_for("read cancelled")
+        terminal.wait(lambda text: "INPUT" not in text)
+        terminal.press("q")
+        assert terminal.end() == 1
 
 
 def test_parameters_stand_in_for_the_protocol_without_a_panel(shop: Shop) -> None:

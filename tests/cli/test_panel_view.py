@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from docs.generators.panel import PICTURES, at_work, operated, unplugged
-from tapewire.cli.panel import state_of
+from tapewire.cli.panel import LED_WORDS, state_of
 from tapewire.cli.panel_page import ParameterPage
-from tapewire.cli.panel_view import Mark, Page, PanelState, Row, SoftKey, page_room, picture
+from tapewire.cli.panel_view import SIDE_WIDTH, Mark, Page, PanelState, Row, SoftKey, page_room, picture
+from tapewire.fanuc.leds import BoardStatus
 from tapewire.fanuc.parameters import CATALOGUE
 from tapewire.sim.world import World
 from tapewire.transfer.tape_window import TapeWindow
@@ -81,8 +82,23 @@ def test_what_an_operator_looks_for_is_on_it(size: tuple[int, int]) -> None:
         "RMT   STRT  MTN  ***   ***",
         "19200 baud, 8E1",
         "5084=1  5083=12  5082=1",
+        "5000=000",
     ):
         assert words in text
+
+
+@pytest.mark.parametrize("status", BoardStatus)
+def test_12_1_the_meaning_of_the_leds_has_room(status: BoardStatus) -> None:
+    """Of 80x24 too."""
+    assert len(LED_WORDS[status]) <= SIDE_WIDTH - 4
+
+
+def test_an_eob_is_shown_once_it_is_there() -> None:
+    control, _ = operated(World())
+    control.tape.write(b"G91\nX1.\nX2")
+    assert state_of(control, "10:00:00").blocks == ("G91 ;", "X1. ;", "X2")
+    control.tape.write(b".\n")
+    assert state_of(control, "10:00:00").blocks == ("G91 ;", "X1. ;", "X2. ;")
 
 
 @pytest.mark.parametrize("size", SIZES)

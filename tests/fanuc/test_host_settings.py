@@ -51,6 +51,15 @@ def test_5000_2_means_the_reverse_in_a_and_b() -> None:
         assert derived({**values, 5084: 3}).settings["code"] == a
 
 
+@pytest.mark.parametrize(
+    ("bit", "echo", "cd"), [(0b00000, "off", "on"), (0b00010, "on", "on"), (0b10000, "off", "off")]
+)
+def test_5000_1_and_4_are_settings_of_the_simulated_control(bit: int, echo: str, cd: str) -> None:
+    control = control_settings(ParameterSet({**RS_232_C, 5000: bit, 5084: 3}), Interface.RS_232_C)
+    assert (control.settings["echo"], control.settings["cd"]) == (echo, cd)
+    assert control_settings(ParameterSet({**RS_422, 5000: 1}), Interface.RS_422).settings["cd"] == "off"
+
+
 def test_0000_4_eia_is_the_code_of_punch_outs_and_no_other() -> None:
     settings = derived({**RS_232_C, 0: 0b10000})
     assert "data=iso" in settings.command("send")
@@ -140,9 +149,11 @@ def test_5070_the_hosts_clock_is_taken_from_there_on(lowest: int, rate: int, clo
     assert [("TT and RT" in text, "set No. 5070 above" in text) for text in found] == ([(True, rate < 13)] * clocked)
 
 
-@pytest.mark.parametrize("rate", [14, 15])
-def test_5070_note_1_above_38400_the_clock_is_always_taken(rate: int) -> None:
-    assert len(warnings(derived({**RS_422, 5073: rate}))) == 1
+@pytest.mark.parametrize(("rate", "clocked"), [(12, 0), (13, 1), (14, 1), (15, 1)])
+def test_5070_note_1_from_38400_on_the_clock_is_always_taken(rate: int, clocked: int) -> None:
+    """Though 5070 was not told."""
+    values = {number: value for number, value in RS_422.items() if number != 5070}
+    assert len(warnings(derived({**values, 5073: rate}))) == clocked
 
 
 # -- devices -------------------------------------------------------------------------------------------------

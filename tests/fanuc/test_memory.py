@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tapewire.errors import UsageError
@@ -72,6 +72,7 @@ def test_12_2_the_buffer_between_the_pointers_is_what_the_control_has_not_taken(
 
 
 @given(st.lists(st.binary(max_size=400), max_size=8))
+@example([bytes(range(SEND_BYTES))])
 def test_12_2_the_send_buffer_holds_the_latest_256(pieces: list[bytes]) -> None:
     memory = memory_of(Buffer())
     latest: deque[int] = deque(maxlen=SEND_BYTES)

@@ -7,10 +7,11 @@ import io
 import pytest
 
 from tapewire.g05.check import Asked, Checked, check
-from tapewire.g05.layout import Layout
+from tapewire.g05.layout import Layout, RecordFormat
 from tests.g05.test_sections import AFTER, section
 
 SPECIAL = Layout(axis_count=3)
+GENERAL = Layout(axis_count=3, format=RecordFormat.GENERAL)
 
 
 def checked(data: bytes, cut: int = 1 << 18) -> Checked:
@@ -33,6 +34,15 @@ def test_label_skip_passes_over_the_first_block(before: bytes) -> None:
     result = checked(before + section(SPECIAL, 30) + b"G05\n" + section(SPECIAL, 30) + AFTER)
     assert result.sound
     assert [found.notes for found in result.sections] == [[], []]
+
+
+@pytest.mark.parametrize(("made", "read", "told"), [(SPECIAL, GENERAL, True), (GENERAL, GENERAL, False)])
+def test_records_of_the_special_format_do_not_pass_for_general_ones(made: Layout, read: Layout, told: bool) -> None:
+    """Read with the other format every check byte is right, and every travel wrong."""
+    file = io.BytesIO(b"%\nO1\nG05\n" + section(made, 30) + AFTER)
+    result = check(file.read, Asked(layout=read))
+    assert result.sound
+    assert ["look like the special format" in note for note in result.sections[0].notes[-1:]].count(True) == told
 
 
 def test_percent_among_the_records_ends_nothing() -> None:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from tapewire.errors import ProgramError
 from tapewire.g05.check import Asked, check
 from tapewire.g05.layout import AuxiliaryUse, Layout, RecordFormat, UnitTime
-from tapewire.g05.records import encode
+from tapewire.g05.records import decode, encode
 from tests.cli.helpers import Finished, invoke
 from tests.g05.programs import finishing
 from tests.g05.test_sections import AFTER, BEFORE, section
@@ -110,10 +110,25 @@ def test_end_codes_inside_the_records_are_counted() -> None:
 def test_an_auxiliary_function_of_zero_at_rest_is_not_stated() -> None:
     layout = Layout(axis_count=1, auxiliary=AuxiliaryUse.USED)
     moving = encode(np.array([[1]]), layout, np.array([1 << 31 | 8])).tobytes()
-    still = bytes.fromhex("00 00 80 00 00 00 80")
-    result = checked(BEFORE + moving + still + moving + layout.exit_record + AFTER, layout=layout)
+    still = bytes.fromhex("00 00 80 00 00 00 80"), bytes.fromhex("00 00 00 00 00 0A 0A")
+    result = checked(BEFORE + moving + b"".join(still) + moving + layout.exit_record + AFTER, layout=layout)
     assert result.sections[0].auxiliary_count == 3
-    assert any("is not stated" in problem for problem in result.sections[0].problems)
+    assert ["is not stated" in problem for problem in result.sections[0].problems] == [True, True]
+    for record in still:
+        with pytest.raises(ProgramError, match="no travel and no auxiliary function"):
+            decode(record, layout)
+
+
+def test_motion_for_a_control_that_wants_auxiliary_functions(program: Path, tmp_path: Path) -> None:
+    """No. 7609#3 = 1: four bytes in every record, here none significant."""
+    made, arrays = tmp_path / "made.g05", tmp_path / "out.npz"
+    done = run("encode", program, made, *FAST_AXES, "--aux", "--unit-time", 2)
+    assert done.status == 0, done.stderr
+    assert run("check", made, *FAST_AXES, "--aux", "--unit-time", 2).status == 0
+    assert run("decode", made, arrays, *FAST_AXES, "--aux").status == 0
+    with np.load(arrays) as archive:
+        assert not archive["auxiliary_1"].any()
+        assert archive["travel_1"].any(axis=1).all()
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -44,6 +44,12 @@ def test_numbers_without_a_point_count_increments(text: str, unit: float) -> Non
     assert ends[0, 0] == pytest.approx(unit)
 
 
+def test_words_of_a_block_hold_whatever_their_order() -> None:
+    _, ends, speeds = read("G01X10.F600\nF60.Y1.G91G20")
+    assert ends[1] == pytest.approx((10.0, 25.4, 0.0))
+    assert speeds[1] == pytest.approx(25.4)
+
+
 def test_an_inch_machine_and_a_rotary_axis() -> None:
     _, ends, speeds = read(
         "G20\nG01X1.C90.F60.\nG21\nX25.4C0F1524.",
@@ -60,7 +66,7 @@ def test_an_inch_machine_and_a_rotary_axis() -> None:
     ("block", "centre"),
     [
         ("G02X10.Y0R5.", (5, 0)),
-        ("G03X10.Y0I5.J0", (5, 0)),
+        ("G03X10.Y0I5.J0K0", (5, 0)),
         ("G02X0Y0I5.", (5, 0)),
         ("G02X5.Y5.R5.", (5, 0)),
         ("G03X5.Y5.R5.", (0, 5)),
@@ -113,6 +119,11 @@ def test_a_helix_and_other_planes() -> None:
         ("G01X1.F100\nG02X2.I" + "9" * 400, "line 2: an arc of radius inf"),
         ("G01X1.F100R2.", "line 1: has R in a straight move"),
         ("G01X1.F100\nX2.I1.K2.", "line 2: has I, K in a straight move"),
+        ("G01X1.F100\nG02X3.I1.K.5", "line 2: K in an arc in G17, where it says nothing"),
+        ("G20\nG01X1.F10", "line 2: has the feed F10 in G20: without a point"),
+        ("G20G01X1.F1.\n" + "X2.\n" * 30 + "X3.F2\n" + "X1.\n" * 30, "line 32: has the feed F2 in G20"),
+        ("G01X1.F100\n(AT 50% FEED)\nX2.", "line 2: holds %, which ends the data"),
+        ("G01X1.F100\nX2.%\n", "line 2: holds %, which ends the data"),
         ("G93\nG01X1.F100", "line 2: moves while the feed is that of G93, inverse time"),
         ("G95\nM03\nG01X1.F.2", "line 3: moves while the feed is that of G95, per revolution"),
         ("O1\nN5 G05(BINARY)\nG01X1.F100", "line 2: is G05 already"),

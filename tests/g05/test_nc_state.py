@@ -107,6 +107,35 @@ def test_a_macro_that_is_called_with_every_move() -> None:
         start_of("G66P1\nG90G21G94G00X1.\nG01X2.F100", axes=("X",))
 
 
+@pytest.mark.parametrize("block", ["G91X1.G90M8", "G91G90X1.M8"])
+def test_of_two_modes_in_a_block_the_last_holds(block: str) -> None:
+    assert start_of(f"G90G00X3.Y0Z0\n{block}{AND_ON}") == (1, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("on", "off", "name"),
+    [
+        ("G43.4H1", "G49", "tool center point control"),
+        ("G68.2X0Y0Z0I0J45.K0\nG53.1", "G69", "a tilted working plane"),
+        ("G54.2P1", "G54.2P0", "dynamic fixture offset"),
+        ("G54.4P1", "G54.4P0", "workpiece error compensation"),
+        ("G41.5D1", "G40", "three-dimensional cutter compensation"),
+    ],
+)
+def test_a_mode_in_which_words_are_no_places_of_the_axes(on: str, off: str, name: str) -> None:
+    there = "G00X1.Y2.Z3.M08"
+    with pytest.raises(ProgramError, match=rf"line \d: (moves|would be .*) while {name} is on"):
+        start_of(f"{AT_ZERO}{on}\n{there}{AND_ON}")
+    with pytest.raises(ProgramError, match="never says where Y, Z is"):
+        start_of(f"{AT_ZERO}{on}\n{there}\n{off}{AND_ON}")
+    assert start_of(f"{AT_ZERO}{on}\n{off}\n{there}{AND_ON}") == (1, 2, 3)
+
+
+def test_a_feed_of_before_another_kind_of_feed_is_not_taken() -> None:
+    with pytest.raises(ProgramError, match="moves at a feed that no F has given"):
+        list(NcReader([f"{AT_ZERO}F500\nG95F.1\nG94\nG01X1."], Reading(axes=("X", "Y", "Z"))).moves())
+
+
 def test_a_feed_of_before_the_change_of_units_is_not_taken() -> None:
     with pytest.raises(ProgramError, match="line 4: moves at a feed that no F has given, or one before the change"):
         list(NcReader([f"{AT_ZERO}G21F600\nG20\nG01X1."], Reading(axes=("X", "Y", "Z"))).moves())
@@ -119,7 +148,7 @@ def test_a_feed_of_before_the_change_of_units_is_not_taken() -> None:
 def test_the_feed_of_a_rotary_axis_in_inches(move: str, speed: float) -> None:
     """F600 turns 10 degrees a second in G20 too."""
     reading = Reading(axes=("X", "C"), start=(0.0, 0.0), rotary=frozenset("C"))
-    (piece,) = NcReader([f"G20\nG01{move}F600"], reading).moves()
+    (piece,) = NcReader([f"G20\nG01{move}F600."], reading).moves()
     assert piece.speeds == pytest.approx([speed])
 
 
@@ -140,11 +169,11 @@ WORDS = st.builds(str.__add__, st.sampled_from(["X", "Y", "Z", "X", "Y", "F", "I
 LINES = st.one_of(
     st.sampled_from(["G01", "G0X1.", "G1X2.F500.", "G00 X1. Y2. ", "N10G1Z.5F1", "G02X1.Y0I.5J0", "G91", "G90", "G20"]),
     st.sampled_from(
-        ["G21", "", "(X1.)", "x1.y2.", "X1.X2.", "X1.Y2.F0", "X1.;", "G01G00X1.", "F9", "X1.\r", "X 1.", "%"]
+        ["G21", "", "(X1.)", "x1.y2.", "X1.X2.", "X1.Y2.F0", "X1.;", "G01G00X1.", "F9", "F9.", "X1.\r", "X 1.", "%"]
     ),
     st.lists(WORDS, min_size=1, max_size=3).map("".join),
 )
-PLAIN = st.sampled_from(["X1.Y2.\n", "X1.5\nY-.5Z3.\n", "G1X.1F20.\n", "G00X5.\nG01X6.\n", "N1 X1. Y1. \r\n"])
+PLAIN = st.sampled_from(["X1.Y2.\n", "X1.5\nY-.5Z3.\n", "G1X.1F20.\n", "X1.F8\n", "G0X5.\nG1X6.\n", "N1 X1. Y1. \r\n"])
 
 
 @settings(max_examples=150, deadline=None)

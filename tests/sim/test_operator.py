@@ -125,11 +125,12 @@ def test_4_4_2_what_the_host_sets_by_sdo_is_told() -> None:
 
 
 def test_what_cannot_be_obeyed_is_told() -> None:
-    worked = Worked("start@1s", "stop@2s", "reset@3s")
+    worked = Worked("start@1s", "start@2s", "stop@3s", "reset@4s")
     worked.nc.parameters.enter(20, 4)
     worked.world.run_for(5 * SECOND)
-    refused = "not obeyed: No. 0020 is 4: this control has the remote buffer alone, which is 10"
-    assert worked.told == ["pressed: start", refused, "pressed: stop", "pressed: reset"]
+    refused = "not obeyed: an alarm is on: RESET first"
+    assert worked.told == ["pressed: start", "pressed: start", refused, "pressed: stop", "pressed: reset"]
+    assert worked.nc.alarms == []
 
 
 def test_11_ps10_in_what_was_taken_ahead_when_the_communication_was_over() -> None:

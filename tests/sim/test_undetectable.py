@@ -13,7 +13,7 @@ from tapewire.line.transport import Fault
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
 from tapewire.sim.scenarios import Direction, draw
 from tapewire.sim.switches import Settings
-from tapewire.sim.undetectable import Excuses
+from tapewire.sim.undetectable import Excuses, first_difference
 
 PROGRAM = b"%\nN1 X1\nN2 X2\nM30\n%"
 
@@ -84,7 +84,15 @@ def test_no_more_is_missing_than_was_lost(missing: int, excused: bool) -> None:
 @pytest.mark.parametrize(("surplus", "excused"), [(1, True), (2, False)])
 def test_no_more_is_there_than_was_made(surplus: int, excused: bool) -> None:
     evidence, excuses = case(sent=b"X", arrived=(b"XX",))
-    assert bool(excuses.more(evidence.jobs[0], surplus)) is excused
+    assert bool(excuses.more(evidence.attempts, surplus)) is excused
+
+
+@pytest.mark.parametrize(("moment", "excused"), [(5, False), (25, True), (35, False)])
+def test_what_is_made_counts_as_long_as_the_control_reads(moment: int, excused: bool) -> None:
+    """The host has ended at 20 s, the control does at 30 s."""
+    evidence, excuses = case(moment=moment * SECOND, place=0, sent=b"", arrived=(b"X",))
+    evidence.control_ends.append((30 * SECOND, Outcome.CANCELLED))
+    assert bool(excuses.more(evidence.attempts, 1)) is excused
 
 
 @pytest.mark.parametrize(("heard", "excused"), [(b"\x11\x13", True), (b"\x11\x13\x11", False)])
@@ -122,3 +130,15 @@ def test_whole_packets_are_excused_where_so_many_characters_were_lost() -> None:
     attempt = evidence.attempts[0]
     attempt.delivered[:] = evidence.expected[1024:]
     assert excuses.content(attempt, 0, bytes(attempt.delivered)) == "", "a thousand characters are no packet of 1028"
+
+
+@pytest.mark.parametrize(("lost", "excused"), [(9 * 1028, False), (9 * 1028 + 1, True)])
+def test_ten_packets_are_skipped_where_nine_are_gone_whole_and_one_in_part(lost: int, excused: bool) -> None:
+    """The tenth is asked for by its number, and that is the number of the packet behind them by then."""
+    evidence, excuses = case("fanuc-a-expansion", sent=bytes(lost), arrived=())
+    evidence.program = evidence.expected = b"".join(b"N%d X%d\n" % (line, line) for line in range(4000)) + b"%"
+    attempt = evidence.attempts[0]
+    attempt.delivered[:] = evidence.expected[:1024] + evidence.expected[11 * 1024 :]
+    wrong = first_difference(bytes(attempt.delivered), evidence.expected)
+    assert wrong is not None
+    assert bool(excuses.content(attempt, wrong, bytes(attempt.delivered))) is excused

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from io import BytesIO
+from typing import Any
 
 import pytest
 
 from tapewire.engine import MILLISECOND, SECOND, Outcome
 from tapewire.errors import UsageError
 from tapewire.line.faults.plan import FaultPlan, FlipBits, Rate
-from tapewire.sim.world import Pair, World
+from tapewire.sim.pair import Pair, Side
+from tapewire.sim.world import World
 
 PROGRAM = b"%\nO0001\n" + b"".join(b"N%d G01 X%d. Y-%d.\n" % (n, n, n) for n in range(120)) + b"M30\n%"
 NOISY = FaultPlan(name="noisy", why="for the test", faults=(FlipBits(when=Rate(0.002), bits=2),))
@@ -81,6 +83,30 @@ def test_a_host_that_is_woken_late_or_stalls_delivers_all_the_same(late: int) ->
     world.at(SECOND, lambda: setattr(pair.host_side, "asleep_until", 4 * SECOND))
     deliver(world, pair)
     assert pair.program.getvalue() == PROGRAM
+
+
+class _NothingDue:
+    """A link with something to say, and no deadline of its own."""
+
+    def __init__(self) -> None:
+        self.steps: list[int] = []
+
+    def step(self, now: int) -> None:
+        self.steps.append(now)
+
+    def next_deadline(self) -> int | None:
+        return None
+
+
+def test_an_end_that_was_acted_on_in_its_sleep_speaks_when_it_wakes() -> None:
+    link: Any = _NothingDue()
+    side = Side(link)
+    side.asleep_until = 4 * SECOND
+    assert side.due() is None
+    side.step(2 * SECOND)
+    assert (link.steps, side.due()) == ([], 4 * SECOND)
+    side.step(4 * SECOND)
+    assert (link.steps, side.due()) == ([4 * SECOND], None)
 
 
 def test_a_restarted_host_resumes_nothing_by_itself() -> None:

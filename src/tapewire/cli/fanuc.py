@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Final
 
@@ -32,6 +33,7 @@ __all__ = ["fanuc", "parameters_of"]
 
 _INTERFACES: Final = {"rs-232-c": Interface.RS_232_C, "rs-422": Interface.RS_422}
 _INDENT: Final = "  "
+_LONG: Final = re.compile(r"(?:0x)?[0-9A-F]{1,8}", re.I | re.A)
 
 
 @click.group()
@@ -246,7 +248,6 @@ def _pointers(read_pointer: str | None, write_pointer: str | None) -> tuple[int,
         return None
     if read_pointer is None or write_pointer is None:
         raise UsageError("--read-pointer and --write-pointer say something only together")
-    try:
-        return int(read_pointer, 16), int(write_pointer, 16)
-    except ValueError:
-        raise UsageError(f"{read_pointer}, {write_pointer}: hexadecimal numbers are expected") from None
+    if not all(map(_LONG.fullmatch, (read_pointer, write_pointer))):
+        raise UsageError(f"{read_pointer}, {write_pointer}: hexadecimal numbers of at most eight digits are expected")
+    return int(read_pointer, 16), int(write_pointer, 16)

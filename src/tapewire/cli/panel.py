@@ -22,8 +22,9 @@ from tapewire.cli.panel_view import HEIGHT, WIDTH, Leds, Page, PanelState, SoftK
 from tapewire.codes import TABLES, DataCode
 from tapewire.engine import SignalsIn
 from tapewire.errors import UsageError
-from tapewire.fanuc.leds import STATUSES
+from tapewire.fanuc.leds import BoardStatus
 from tapewire.fanuc.memory import BUFFER_BYTES
+from tapewire.fanuc.parameter_file import word_of
 from tapewire.fanuc.parameters import ParameterSet
 from tapewire.line.driver import monotonic
 from tapewire.protocols.settings import Switch
@@ -31,14 +32,15 @@ from tapewire.sim.machine import Motion
 from tapewire.sim.nc import Ground, Operation
 from tapewire.transfer.operated import OperatedControl, Plug
 from tapewire.transfer.session import ABORT_LIMIT_S
+from tapewire.transfer.tape_window import Block
 
-__all__ = ["refuse_terminal", "run_panel", "state_of"]
+__all__ = ["LED_WORDS", "refuse_terminal", "run_panel", "state_of"]
 
 DRAWN_EVERY_S: Final = 0.2
 LAST_DRAWN_S: Final = 1.0
 
-_LINE_NUMBERS: Final = (5084, 5083, 5082, 5081, 5074, 5073, 5072, 5071, 5000, 0, 20)
-"""Parameters of the communication, as far as the file has them."""
+_LINE_NUMBERS: Final = ((5084, 5083, 5082), (5074, 5073, 5072), (5000, 5081, 5071), (0, 20))
+"""Parameters of the communication row by row, as far as the file has them."""
 
 _WORDS: Final = ("data", "code", "end", "posting", "echo", "mode", "program")
 """Settings of the protocols that an operator would look for."""
@@ -178,7 +180,7 @@ def state_of(control: OperatedControl, clock: str, page: Page | None = None) -> 
         moving=machine.moving and machine.motion is Motion.RUNNING,
         transfer=_TRANSFERS.get(control.operation, ""),
         stands=control.stands,
-        blocks=tuple(_text_of(block.data, control.code) for block in blocks),
+        blocks=tuple(_text_of(block, control.code) for block in blocks),
         current=tape.index_at(position) if running else None,
         program=f"{control.cnc.progress:,} bytes, {machine.blocks_executed:,} blocks" if control.cnc.progress else "",
         page=page,
@@ -186,7 +188,7 @@ def state_of(control: OperatedControl, clock: str, page: Page | None = None) -> 
         capacity=BUFFER_BYTES if board is not None else control.job.params.buffer,
         pointers="" if board is None else _pointers(control),
         held=control.held,
-        leds=None if board is None else Leds(green=board.green, red=board.red, meaning=_LED_WORDS[board.status.name]),
+        leds=None if board is None else Leds(green=board.green, red=board.red, meaning=LED_WORDS[board.status]),
         line=_line_of(control),
         alarms=tuple(f"{alarm.number}  {alarm.text}".strip() for alarm in control.alarms),
         messages=tuple(control.messages),
@@ -194,24 +196,24 @@ def state_of(control: OperatedControl, clock: str, page: Page | None = None) -> 
     )
 
 
-_LED_WORDS: Final = {
-    "POWER_ON": "power has just come on",
-    "INITIALISING": "waiting for the other modules",
-    "IDLE": "waiting for the control",
-    "HANDLING": "handling a request",
-    "STOPPING": "told to stop, by RESET, alarm or EOR",
-    "DRAM_TEST": "the DRAM test failed",
-    "LOADING": "parity of the loaded code",
-    "NMI": "NMI in another module",
-    "SYSTEM_ALARM": "system alarm",
+LED_WORDS: Final = {
+    BoardStatus.POWER_ON: "power has just come on",
+    BoardStatus.INITIALISING: "waiting for the other modules",
+    BoardStatus.IDLE: "waiting for the control",
+    BoardStatus.HANDLING: "handling a request",
+    BoardStatus.STOPPING: "told to stop: RESET, alarm, EOR",
+    BoardStatus.DRAM_TEST: "the DRAM test failed",
+    BoardStatus.LOADING: "parity of the loaded code",
+    BoardStatus.NMI: "NMI in another module",
+    BoardStatus.SYSTEM_ALARM: "system alarm",
 }
-assert set(_LED_WORDS) == {status.name for status in STATUSES}
+"""What the green LEDs mean, short enough for the panel."""
 
 
-def _text_of(block: bytes, code: DataCode) -> str:
-    """As the controls show it, the EOB as a semicolon."""
-    text = block.translate(TABLES[code].to_ascii).strip(b"\r\n\x00\x7f")
-    return text.decode("latin-1") + (" ;" if text and not text.startswith(b"%") else "")
+def _text_of(block: Block, code: DataCode) -> str:
+    """As the controls show it, the EOB as a semicolon once it is there."""
+    text = block.data.translate(TABLES[code].to_ascii).strip(b"\r\n\x00\x7f")
+    return text.decode("latin-1") + (" ;" if text and block.is_whole and not text.startswith(b"%") else "")
 
 
 def _pointers(control: OperatedControl) -> str:
@@ -234,19 +236,23 @@ def _line_of(control: OperatedControl) -> tuple[tuple[str, str], ...]:
     if control.nc.has_images:
         rows.append(("PMC", f"G152 {control.nc.g152:02X}h  F152 {control.nc.f152:02X}h"))
     name, told = ("set", _settings_of(job.params)) if parameters is None else ("No.", _numbers_of(parameters))
-    together = 2 if parameters is None else 3
-    for at in range(0, len(told), together):
-        rows.append(("" if at else name, "  ".join(told[at : at + together])))
+    for place, words in enumerate(told):
+        rows.append(("" if place else name, "  ".join(words)))
     return tuple(rows)
 
 
-def _settings_of(params: Any) -> list[str]:
+def _settings_of(params: Any) -> list[list[str]]:
     values = [(name, getattr(params, name, None)) for name in _WORDS]
-    return [f"{name}={getattr(value, 'value', value)}" for name, value in values if value not in (None, "")]
+    words = [f"{name}={getattr(value, 'value', value)}" for name, value in values if value not in (None, "")]
+    return [words[at : at + 2] for at in range(0, len(words), 2)]
 
 
-def _numbers_of(parameters: ParameterSet) -> list[str]:
-    return [f"{number:04d}={parameters.get(number)}" for number in _LINE_NUMBERS if number in parameters]
+def _numbers_of(parameters: ParameterSet) -> list[list[str]]:
+    told = parameters.values
+    rows = (
+        [f"{number:04d}={word_of(number, told[number])}" for number in row if number in told] for row in _LINE_NUMBERS
+    )
+    return [row for row in rows if row]
 
 
 def _signals(signals: SignalsIn | None) -> str:

@@ -67,7 +67,7 @@ def _program_alarm(number: AlarmNumber, message: str, cause: str, remedy: str) -
         causes=(cause,),
         seen="The control stops before the block that it cannot execute; what is before it has been executed.",
         remedies=(remedy, "Compare what the control got with the file: a character lost on the line looks like this."),
-        protocols="all",
+        protocols="every protocol",
         fault_of="the program, or the line",
     )
 
@@ -113,7 +113,7 @@ _RECORDS: Final = (
             "`tapewire fanuc host-settings` says which value is wrong.",
             "Set No. 0020 to 0023 to 10 for the remote buffer, and see that its board is fitted.",
         ),
-        protocols="all",
+        protocols="every protocol",
         fault_of="the parameters",
     ),
     AlarmRecord(
@@ -129,7 +129,7 @@ _RECORDS: Final = (
             "See that the host is switched on, its program runs and has not closed the port.",
             "Look for an error that the host, or the device, reports itself.",
         ),
-        protocols="all",
+        protocols="every protocol",
         fault_of="the line, or the host",
     ),
     AlarmRecord(
@@ -144,7 +144,7 @@ _RECORDS: Final = (
             "Let the host stop sooner: what its driver, its port and a serial server hold back counts too.",
             "See that RS is wired to the host's CTS (protocol A), and that the host reads what the control says.",
         ),
-        protocols="all",
+        protocols="every protocol",
         fault_of="the host",
     ),
     AlarmRecord(
@@ -157,7 +157,7 @@ _RECORDS: Final = (
             "one byte more or less in each shifts all that follow.",
             "Send again with the parity bit on (stop bits 1), so that damage on the line is noticed where it happens.",
         ),
-        protocols="all",
+        protocols="every protocol",
         fault_of="the program, or the line",
     ),
     AlarmRecord(
@@ -173,7 +173,7 @@ _RECORDS: Final = (
             "Cancel the mode before G05.",
             "Run the program in DNC operation: it cannot be registered in memory (9.3 NOTE 7).",
         ),
-        protocols="all",
+        protocols="every protocol",
         fault_of="the program",
     ),
     AlarmRecord(
@@ -185,7 +185,7 @@ _RECORDS: Final = (
             "Switch the control off and on.",
             "If it comes back, note the send buffer and the LEDs (12.2) and report them to the maker of the control.",
         ),
-        protocols="all",
+        protocols="every protocol",
         fault_of="the control",
     ),
     _protocol_a(
@@ -213,7 +213,7 @@ _RECORDS: Final = (
             "Check the stop bits: No. 5072 or 5082, and the host's. One stop bit goes with even parity.",
             "Look for disturbance on the line: cable, shield, length (2.1).",
         ),
-        protocols="all",
+        protocols="every protocol",
         fault_of="the line, or the settings of either end",
     ),
     _protocol_a(

@@ -170,7 +170,7 @@ def _at_green(seen: Seen, note: Note) -> Verdict | None:
     if not all(STATUSES[status].is_normal for status in green):
         return _case(
             Case.HARDWARE,
-            "Note the nine words before 4n80E024, from 4n80E014 on, and report them (12.1.2).",
+            "Note the nine words from 4n80E014 to 4n80E024, and report them (12.1.2).",
             "Switch the control off and on; if it comes back, the hardware must be replaced.",
         )
     if green == (BoardStatus.IDLE,):

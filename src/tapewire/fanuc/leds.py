@@ -131,32 +131,27 @@ SYSTEM_MESSAGES: Final[Mapping[SystemFault, tuple[str, str]]] = MappingProxyType
         ),
         SystemFault.HARD: ("HARD ERROR", "the printed circuit board must be replaced"),
         SystemFault.ILLEGAL_INTERRUPT: (
-            "UNDEF IRT 00{kind:02X}({address:08X}) ERR-CODE:{code:04X}",
+            "UNDEF IRT 00nn(aaaaaaaa) ERR-CODE:cccc",
             "an interrupt that there is none of; 00nn is its type",
         ),
-        SystemFault.F_BUS: ("F-BUS ERROR({address:08X})", "a bus error with the board as master of the F-BUS"),
+        SystemFault.F_BUS: ("F-BUS ERROR(aaaaaaaa)", "a bus error with the board as master of the F-BUS"),
         SystemFault.DRAM_PARITY: (
-            "DRAM PARITY 000{kind:X}({address:08X})",
+            "DRAM PARITY 000n(aaaaaaaa)",
             "a parity error in DRAM; 000n is the row of bytes",
         ),
-        SystemFault.ARES_BUS: ("BUS ERROR(ARES) ({address:08X})", "a bus error with the ARES as master of the L-BUS"),
-        SystemFault.LFP_BUS: ("BUS ERROR(LFP) ({address:08X})", "a bus error with the LFP as master of the L-BUS"),
+        SystemFault.ARES_BUS: ("BUS ERROR(ARES) (aaaaaaaa)", "a bus error with the ARES as master of the L-BUS"),
+        SystemFault.LFP_BUS: ("BUS ERROR(LFP) (aaaaaaaa)", "a bus error with the LFP as master of the L-BUS"),
         SystemFault.F_BUS_WRITE: (
-            "WRITE BUS ERROR(F-BUS) ({address:08X})",
+            "WRITE BUS ERROR(F-BUS) (aaaaaaaa)",
             "an error in a write with the F-BUS as master of the L-BUS",
         ),
         SystemFault.OTHER_WRITE: (
-            "WRITE BUS ERROR({address:08X})",
+            "WRITE BUS ERROR(aaaaaaaa)",
             "an error in a write with another master of the L-BUS",
         ),
     }
 )
-"""Message on the screen, and what it means. The address is that of the next instruction."""
-
-
-def system_message(error: SystemFault, *, address: int = 0, kind: int = 0, code: int = 0) -> str:
-    """The message as the screen shows it."""
-    return SYSTEM_MESSAGES[error][0].format(address=address, kind=kind, code=code)
+"""Message on the screen, and what it means: aaaaaaaa is the address of the next instruction, cccc an error code."""
 
 
 def read_leds(words: str) -> tuple[BoardStatus, ...]:

@@ -5,12 +5,13 @@
     4n810508   8 KB    buffer, to 4n812507
     4n823100   long    write pointer of the send buffer
     4n823104   256     send buffer, to 4n823203: what the remote buffer said last
-    4n80E014 to 4n80E023   what to note down at a system error
+    4n80E014 to 4n80E025   nine words, what to note down at a system error
 
 n is the logical slot number of the board, in hexadecimal. Its DRAM is 4n800000 to 4n9FFFFF (the manual prints a digit
 too many); an address outside brings a system error. Not stated, and taken so: pointers are offsets from the beginning
 of their buffer, as the rule for the latest character sent says of one of them; longs are stored high byte first. All
-8192 bytes full would look empty.
+8192 bytes full would look empty. From 4n80E014 to 4n80E024 there are nine words of two bytes: so "the nine words prior
+to 4n80E024" are read.
 """
 
 from __future__ import annotations

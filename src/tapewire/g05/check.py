@@ -18,7 +18,7 @@ from tapewire.g05.modes import ModalWatch
 from tapewire.g05.motion import Motion, Sketch
 from tapewire.g05.reading import DECISION_BYTES, Pieces, found_layout
 from tapewire.g05.records import Records, decode_as_they_are, faults
-from tapewire.g05.sections import BlockWatch, ExitFinder, find_g05_with_point
+from tapewire.g05.sections import BlockWatch, ExitFinder, find_g05_with_point, has_odd_byte
 
 __all__ = ["Asked", "AxisMotion", "Checked", "SectionChecked", "check"]
 
@@ -27,6 +27,8 @@ LONGEST_LINE: Final = 4096
 MOST_NAMED: Final = 20
 MOST_SECTIONS: Final = 1000
 """More sections than this are checked and counted, and no longer listed one by one."""
+FEW_RECORDS: Final = 16
+"""So many of the general format have an odd byte, but by a chance below one in 65,000."""
 END_CODES: Final = (0x0D, 0x8D, 0x03)
 """CR in ASCII and in ISO, ETX (4.2): what ends every message of protocol A."""
 
@@ -262,6 +264,7 @@ class _Work:
         self._section, self._assumed, self._machine, self._asked = section, assumed, machine, asked
         self._motion = Motion(layout.axis_count)
         self._auxiliary = 0
+        self._all_even = True
         self._end_codes = dict.fromkeys(END_CODES, 0)
 
     def look(self, data: bytes) -> None:
@@ -277,16 +280,17 @@ class _Work:
         self._motion.add(records.travel)
         if self.sketch is not None:
             self.sketch.add(records.travel)
+        self._all_even = self._all_even and not has_odd_byte(data)
         for code in END_CODES:
             self._end_codes[code] += data.count(code)
 
     def _look_for_standstill(self, records: Records) -> None:
         assert records.auxiliary is not None
-        still = ~records.travel.any(axis=1) & ((records.auxiliary & np.uint32(SIGNIFICANT - 1)) == 0)
+        still = ~records.travel.any(axis=1) & (records.auxiliary <= np.uint32(SIGNIFICANT))
         for index in np.flatnonzero(still):
             self._section.problem(
-                f"record {self._motion.records + int(index) + 1:,}: no travel and the auxiliary function 0: whether "
-                "the control leaves binary input operation here is not stated"
+                f"record {self._motion.records + int(index) + 1:,}: no travel, and no significant auxiliary "
+                "function but 0: whether the control leaves binary input operation here is not stated"
             )
 
     def report(self, line: int, offset: int) -> SectionChecked:
@@ -308,6 +312,11 @@ class _Work:
             self._section.problem("protocol A carries the special format only (9.1 (5) note)")
         if report.end_codes and layout.format is RecordFormat.GENERAL:
             report.notes.append("end codes of protocol A stand among the records: it cannot carry them")
+        if self._all_even and layout.format is RecordFormat.GENERAL and report.records >= FEW_RECORDS:
+            report.notes.append(
+                "no byte of its records is odd: they look like the special format (7609#2 = 0), in which the travel is "
+                "another"
+            )
         if not self._motion.records:
             self._section.problem("the section holds no record: the control leaves binary input operation at once")
         return report

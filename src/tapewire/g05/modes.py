@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["FORBIDDEN", "ForbiddenMode", "ModalWatch"]
+__all__ = ["FORBIDDEN", "MOVING_AXES_ELSEWHERE", "ForbiddenMode", "ModalWatch"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +28,7 @@ def _mode(name: str, on: str, off: str) -> ForbiddenMode:
 
 FORBIDDEN: Final = (
     _mode("cutter compensation", "G41 G42", "G40"),
-    _mode("three-dimensional cutter compensation", "G41.2 G42.2 G41.3", "G40"),
+    _mode("three-dimensional cutter compensation", "G41.2 G42.2 G41.3 G41.4 G42.4 G41.5 G42.5 G41.6 G42.6", "G40"),
     _mode("interrupt macro", "M96", "M97"),
     _mode("canned cycle", "G73 G74 G76 G81 G82 G83 G84 G84.2 G84.3 G85 G86 G87 G88 G89", "G80 G0 G1 G2 G3 G33"),
     _mode("coordinate conversion", "G68", "G69"),
@@ -43,6 +43,14 @@ FORBIDDEN: Final = (
     _mode("spindle speed fluctuation detection", "G26", "G25"),
 )
 
+MOVING_AXES_ELSEWHERE: Final = (
+    _mode("tool center point control", "G43.4 G43.5", "G49"),
+    _mode("a tilted working plane", "G68.1 G68.2 G68.3 G68.4", "G69 G69.1"),
+    _mode("dynamic fixture offset", "G54.2", ""),
+    _mode("workpiece error compensation", "G54.4", ""),
+)
+"""Modes not named there, in which the axes do not go where the blocks say either; the last two end with P0."""
+
 _WITHOUT_EFFECT: Final = frozenset(
     ("interrupt macro", "constant surface speed control", "spindle speed fluctuation detection")
 )
@@ -54,15 +62,16 @@ _ZERO: Final = re.compile(rb"[+-]?0*\.?0*")
 
 
 class ModalWatch:
-    """Knows which of the forbidden modes the blocks seen so far have left on."""
+    """Knows which of the modes, the forbidden ones if nothing is said, the blocks seen so far have left on."""
 
-    def __init__(self) -> None:
+    def __init__(self, modes: tuple[ForbiddenMode, ...] = FORBIDDEN) -> None:
+        self._watched = modes
         self._on: dict[str, bool] = {}
 
     @property
     def forbidden(self) -> tuple[str, ...]:
         """Names of the modes that are on, in the manual's order."""
-        return tuple(mode.name for mode in FORBIDDEN if self._on.get(mode.name))
+        return tuple(mode.name for mode in self._watched if self._on.get(mode.name))
 
     @property
     def displacing(self) -> frozenset[str]:
@@ -77,7 +86,7 @@ class ModalWatch:
 
     def _take(self, words: list[tuple[bytes, bytes]]) -> None:
         codes = {_code(letter, number) for letter, number in words if letter in (b"G", b"M")}
-        for mode in FORBIDDEN:
+        for mode in self._watched:
             if codes.intersection(mode.off):
                 self._on[mode.name] = False
             if codes.intersection(mode.on):

@@ -21,6 +21,7 @@ __all__ = [
     "find_g05",
     "find_g05_with_point",
     "g05_block",
+    "has_odd_byte",
     "record_lengths",
 ]
 
@@ -217,7 +218,7 @@ class Section:
                 f"the sum of its other bytes is {sum(record[:-1]) & 0xFF:02X}h: the control would raise SR890"
             )
         self.record_count += whole // size - self.ended
-        self.is_special = self.is_special and not _has_odd_byte(joined[:whole])
+        self.is_special = self.is_special and not has_odd_byte(joined[:whole])
 
 
 class SectionScan:
@@ -293,7 +294,7 @@ class BinaryTally:
 _ODD: Final = bytes(range(1, 256, 2))
 
 
-def _has_odd_byte(data: bytes) -> bool:
+def has_odd_byte(data: bytes) -> bool:
     return len(data.translate(None, _ODD)) != len(data)
 
 

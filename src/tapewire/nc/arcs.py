@@ -72,6 +72,9 @@ def chords(
 
 def _centre(arc: Arc, start: dict[str, float], end: dict[str, float], radius_error: float) -> tuple[float, float]:
     first, second, along_first, along_second = _PLANES[arc.plane]
+    for letter in {"I", "J", "K"} - {along_first, along_second}:
+        if arc.offsets.get(letter):
+            raise ProgramError(f"{letter} in an arc in G{arc.plane}, where it says nothing of the centre")
     if "R" not in arc.offsets:
         if along_first not in arc.offsets and along_second not in arc.offsets:
             raise ProgramError(f"an arc without {along_first}, {along_second} or R")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from tapewire.errors import ProgramError
-from tapewire.g05.modes import ModalWatch
+from tapewire.g05.modes import MOVING_AXES_ELSEWHERE, ModalWatch
 from tapewire.nc.text import Words
 
 __all__ = ["MODES", "Modal", "Places", "is_plain"]
@@ -88,7 +88,10 @@ class Modal:
         self.unsaid.pop("units", None)
 
     def take_feed_kind(self, code: float) -> None:
+        """The F of another kind is none of this one."""
         if code in _FEED_KINDS:
+            if code != self.feed_kind:
+                self.feed, self.feed_word = None, ""
             self.feed_kind = code
             self.unsaid.pop("feed kind", None)
 
@@ -119,6 +122,7 @@ class Places:
         """The block after which the last of them was no longer known."""
         self.macro = ""
         """The block that calls a macro with every move (G66), while it does."""
+        self._elsewhere = ModalWatch(MOVING_AXES_ELSEWHERE)
         self._work_coordinate: float | None = None
         self._is_compensated = False
 
@@ -126,15 +130,23 @@ class Places:
     def unknown(self) -> tuple[str, ...]:
         return tuple(axis for axis, value in self.at.items() if value is None)
 
+    @property
+    def elsewhere(self) -> tuple[str, ...]:
+        """The modes now on in which words of a move are not places of the axes, beside those that forbid G05."""
+        return self._elsewhere.forbidden
+
     def follow(self, block: str, words: Words, modal: Modal, modes: ModalWatch, line: int) -> Words:
         """What the block does; returns the words that say where the axes go, empty where none does."""
         names = {f"{letter}{_plain(value)}" for letter, value in words if letter in "GM"}
-        codes = {float(name[1:]) for name in names if name[0] == "G"}
-        before = modes.displacing
-        modes.feed(block.encode("utf-8", "replace"))
+        in_order = [float(value) for letter, value in words if letter == "G"]
+        codes = set(in_order)
+        before = modes.displacing or self.elsewhere
+        for watch in (modes, self._elsewhere):
+            watch.feed(block.encode("utf-8", "replace"))
+        still = bool(modes.displacing or self.elsewhere)
         if names & _ENDS:
             raise ProgramError(f"line {line}: {block!r} ends the program before a move of known place", line=line)
-        for code in codes:
+        for code in in_order:
             modal.take(code)
             modal.take_feed_kind(code)
         if 67.0 in codes:
@@ -144,7 +156,7 @@ class Places:
             modal.forget(line)
             self._lose(block, line)
             return []
-        return self._moving(block, words, names, codes, bool(before or modes.displacing), bool(modes.displacing), line)
+        return self._moving(block, words, names, codes, bool(before) or still, still, line)
 
     def _moving(
         self, block: str, words: Words, names: set[str], codes: set[float], displaced: bool, still: bool, line: int

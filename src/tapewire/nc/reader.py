@@ -11,6 +11,7 @@ refused with its line, and nothing is guessed.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
@@ -35,6 +36,7 @@ MOVES_AT_A_TIME: Final = 8_192
 SHORTEST_RUN: Final = 16
 """Blocks; fewer are as fast one by one."""
 MM_PER_INCH: Final = 25.4
+_WHOLE_FEED: Final = re.compile(r"F[0-9]++[^0-9.]")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,15 +111,15 @@ class NcReader:
             if not places.unknown and self._is_plain_move(words):
                 self._refuse_modes(modes, places, words)
                 return block
-            if modes.displacing and displaced is None and self._is_plain_move(words):
-                displaced = self._forbidden(modes)
+            if (modes.displacing or places.elsewhere) and displaced is None and self._is_plain_move(words):
+                displaced = self._forbidden(modes) if modes.displacing else self._elsewhere(places)
             self._keep(self.header, kept)
             going = places.follow(kept, words, modal, modes, self._text.line)
             for letter, value in words:
                 if letter == "F" and not modal.other_feed:
                     self._set_feed(value)
             self._go(places, going, absolute=Places.presets(words))
-        if displaced is not None and modes.displacing:
+        if displaced is not None and (modes.displacing or places.elsewhere):
             raise displaced
         missing = ", ".join(places.unknown)
         why = "it holds no move"
@@ -155,6 +157,10 @@ class NcReader:
     def _forbidden(self, modes: ModalWatch) -> ProgramError:
         named = ", ".join(modes.forbidden)
         return self._text.refusal(f"would be binary input operation while {named} is on: an alarm (9.3)")
+
+    def _elsewhere(self, places: Places) -> ProgramError:
+        named = ", ".join(places.elsewhere)
+        return self._text.refusal(f"moves while {named} is on: its numbers are not where the axes go")
 
     def _go(self, places: Places, going: Words, *, absolute: bool) -> None:
         unsaid = self._modal.unsaid
@@ -194,7 +200,7 @@ class NcReader:
         run = text.run(self._runs.pattern)
         lines = run.count("\n")
         self._one_by_one = text.line + lines
-        if lines < SHORTEST_RUN:
+        if lines < SHORTEST_RUN or (modal.inch and _WHOLE_FEED.search(run)):
             return None
         nan = math.nan
         before = [modal.motion, *[nan] * len(self._place), nan if modal.feed is None else modal.feed]
@@ -219,6 +225,7 @@ class NcReader:
         targets: dict[str, str] = {}
         arc: dict[str, str] = {}
         is_text = False
+        feed = ""
         for letter, value in words:
             if letter in self._place:
                 targets[letter] = value
@@ -227,9 +234,11 @@ class NcReader:
             elif letter == "G":
                 is_text = not self._modal.take(float(value)) or is_text
             elif letter == "F":
-                self._set_feed(value)
+                feed = value
             elif letter != "N":
                 is_text = True
+        if feed:  # behind G20 and G21, wherever in the block they stand
+            self._set_feed(feed)
         moves = bool(targets or arc)
         if self._trailer_line or is_text:
             self._leave(kept, plain_move=moves and not is_text)
@@ -351,6 +360,11 @@ class NcReader:
         feed = float(text)
         if not feed > 0:
             raise self._text.refusal(f"has the feed F{text}: it is above 0")
+        if self._modal.inch and "." not in text:
+            raise self._text.refusal(
+                f"has the feed F{text} in G20: without a point some controls take it for inches a minute and some for "
+                "hundredths (No. 1403#0, 3401#0): write the point"
+            )
         self._modal.feed, self._modal.feed_word = feed, text
 
 

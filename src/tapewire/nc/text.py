@@ -38,7 +38,7 @@ class ProgramText:
         self._at = 0
 
     def block(self) -> tuple[str, Words] | None:
-        """The next block that holds anything; None at the end, which is the second % or that of the text."""
+        """The next block that holds anything; None at the end: of the text, or a line that begins with a second %."""
         while (line := self._next_line()) is not None:
             self.line += 1
             if len(line) > LONGEST_LINE:
@@ -46,8 +46,10 @@ class ProgramText:
             kept = line.strip()
             if kept.startswith("%") and self.line == 1:
                 continue
-            if "%" in kept:
+            if kept.startswith("%"):
                 return None
+            if "%" in kept:
+                raise self.refusal("holds %, which ends the data for the control (EOR), in a comment too: take it out")
             words = self._words(kept.upper())
             if words:
                 return kept, words

@@ -129,7 +129,7 @@ def _job_sent(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuses
         yield "what is certain is with the control", what, excuses.less(attempts, job, job.low - got)
     if job.high < most:
         what = f"{job.high} bytes at most, {most} with the control: {job.reason}"
-        yield "no more is with the control than can be", what, excuses.more(job, most - job.high)
+        yield "no more is with the control than can be", what, excuses.more(attempts, most - job.high)
 
 
 def _receive(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterator[Broken]:

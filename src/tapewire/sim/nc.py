@@ -89,7 +89,9 @@ class _Tape:
         return piece
 
     def stop(self) -> None:
-        self.limit = self._position + SEND_BUFFER
+        """Pressed again it changes nothing: what was in the buffers then is what goes out."""
+        if self.limit is None:
+            self.limit = self._position + SEND_BUFFER
 
 
 class Nc:
@@ -174,7 +176,7 @@ class Nc:
             self._begin(Operation.PUNCH, ground, Request.PUNCH)
 
     def refuse_device(self, operation: Operation, ground: Ground) -> None:
-        """Raises UsageError where `operation` would find another device than the remote buffer, or SR807."""
+        """Raises UsageError where `operation` would be SR807."""
         wrong = [] if self.parameters is None else self._wrong(self.parameters.in_force, operation, ground)
         if wrong:
             raise UsageError(f"{AlarmNumber.SR807} {text_of(AlarmNumber.SR807, '; '.join(wrong))}")
@@ -196,7 +198,8 @@ class Nc:
         self._ask(request)
 
     def may_begin(self, operation: Operation, ground: Ground, now: Nanos) -> bool:
-        """The control is free, and the device is the remote buffer, and works; else SR807. Raises UsageError."""
+        """The control is free, and the device is the remote buffer, and works; else SR807. Raises UsageError where the
+        control is at work or in alarm."""
         if self.alarms:
             raise UsageError("an alarm is on: RESET first")
         if self.operation is not Operation.NONE:
@@ -210,9 +213,10 @@ class Nc:
     def _wrong(self, values: ParameterSet, operation: Operation, ground: Ground) -> list[str]:
         device = (_OUTPUT if operation is Operation.PUNCH else _INPUT)[ground]
         number = values.get(device)
-        if number is not None and number != REMOTE_BUFFER_DEVICE:
-            raise UsageError(f"No. {device:04d} is {number}: this control has the remote buffer alone, which is 10")
         wrong = [finding.text for finding in check(values, self._fitted) if finding.weight is Weight.ALARM]
+        if number is not None and number != REMOTE_BUFFER_DEVICE:
+            # Chapter 11: an interface that is not fitted. A real control has others; this one has not.
+            wrong.append(f"No. {device:04d} is {number}: this control has the remote buffer alone, which is 10")
         return wrong or (["the remote buffer is not fitted"] if self._fitted is None else [])
 
     # keys and switches
@@ -226,6 +230,8 @@ class Nc:
         background it does not end a communication that posts (6.4 note 1 (2))."""
         self.alarms.clear()
         if self.operation is not Operation.NONE and self.ground is Ground.BACKGROUND and self._posts:
+            text = "in the background RESET ends no communication that posts (6.4 note 1): STOP does"
+            self._tell(Notice(text=text), now)
             return
         self.give_up(now)
 

@@ -33,7 +33,7 @@ class Side:
     `late` says how much later than it wanted its computer wakes it, each time; None is a control, which is never late.
     """
 
-    __slots__ = ("_due", "_wanted", "asleep_until", "late", "link", "off")
+    __slots__ = ("_due", "_missed", "_wanted", "asleep_until", "late", "link", "off")
 
     def __init__(self, link: Link) -> None:
         self.link = link
@@ -44,15 +44,22 @@ class Side:
         self.late: Callable[[], Nanos] | None = None
         self._wanted: Nanos | None = None
         self._due: Nanos | None = None
+        self._missed = False
+        """Somebody acted on this end while it was asleep: what it has to say to that waits for no deadline."""
 
     def step(self, now: Nanos) -> None:
-        if not self.off and now >= self.asleep_until:
+        if self.off:
+            return
+        self._missed = now < self.asleep_until
+        if not self._missed:
             self.link.step(now)
 
     def due(self) -> Nanos | None:
         """When it steps next by itself."""
         if self.off:
             return None
+        if self._missed:
+            return self.asleep_until
         wanted = self.link.next_deadline()
         if wanted is None:
             return None

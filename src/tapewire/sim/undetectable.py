@@ -151,17 +151,19 @@ class Excuses:
         """
         if not self._n:
             return ""
-        data, program = packet_bytes(self._n) - 4, self._evidence.expected
-        lost = self._lost(Wire.FROM_HOST, attempt) // packet_bytes(self._n)
+        length, program = packet_bytes(self._n), self._evidence.expected
+        data, lost = length - 4, self._lost(Wire.FROM_HOST, attempt)
         unheard = any(damage.moment >= attempt.began for damage in self._evidence.on(Wire.FROM_CONTROL))
         gap = wrong - wrong % data
         rest = bytes(attempt.delivered[gap:])
         resumed = program.find(rest[:64], gap)
+        skipped = (resumed - gap) // data
         round_trip = resumed > gap and (resumed - gap) % (10 * data) == 0
-        if round_trip and (unheard or lost * data >= resumed - gap):
+        # The first one need not be gone whole: it is asked for by its number, and another bears that by then.
+        if round_trip and (unheard or lost > (skipped - 1) * length):
             return "ten packets running lost: their numbers go round"
         missing = len(program) - len(attempt.delivered)
-        if program.endswith(rest) and missing % data == 0 and lost * data >= missing:
+        if program.endswith(rest) and missing % data == 0 and lost // length * data >= missing:
             return "a packet lost directly before the end packet"
         return ""
 
@@ -226,10 +228,19 @@ class Excuses:
             return "a word of the control that is heard later than 100 ms"
         return self.told_wrongly(job)
 
-    def more(self, job: Job, surplus: int) -> str:
-        """`surplus` characters more are with the control than were handed over."""
-        made = sum(max(0, len(damage.plain) - len(damage.sent)) for damage in self._unseen(Wire.FROM_HOST, job))
+    def more(self, attempts: list[Attempt], surplus: int) -> str:
+        """`surplus` characters more are with the control than were handed over. It reads on when its host has ended."""
+        attempt = max(attempts, key=lambda attempt: attempt.got)
+        damages = [damage for damage in self._unseen(Wire.FROM_HOST) if self._while_read(damage.moment, attempt)]
+        made = sum(max(0, len(damage.plain) - len(damage.sent)) for damage in damages)
         return "doubled character" if not self._is_a and surplus <= made else ""
+
+    def _while_read(self, moment: Nanos, attempt: Attempt) -> bool:
+        """The control was in this reading."""
+        ends = [ended for ended, _ in self._evidence.control_ends if ended >= attempt.began]
+        later = [other.began for other in self._evidence.attempts if other.began > attempt.began]
+        until = min(ends + later, default=moment)
+        return attempt.began <= moment <= until
 
     def out_of_nothing(self, attempt: Attempt) -> str:
         """Something of a program that was not armed came."""

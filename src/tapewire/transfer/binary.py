@@ -98,7 +98,8 @@ def encode_file(path: Path, out: Path, encoding: Encoding, *, force: bool = Fals
             count = 0
             part.write(made.before)
             for travel in made.pieces:
-                part.write(encode(travel, layout, first_record=count + 1).tobytes())
+                idle = np.zeros(len(travel), np.uint32) if layout.uses_auxiliary else None
+                part.write(encode(travel, layout, idle, first_record=count + 1).tobytes())
                 count += len(travel)
             if not count:
                 raise ProgramError("nothing moves: there is no record to make")

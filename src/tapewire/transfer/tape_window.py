@@ -22,6 +22,8 @@ class Block:
     begin: int
     end: int
     data: bytes
+    is_whole: bool = True
+    """Its EOB is there."""
 
 
 class TapeWindow:
@@ -49,7 +51,7 @@ class TapeWindow:
         """The oldest first; the last one may be unfinished."""
         if not self._rest:
             return tuple(self._blocks)
-        unfinished = Block(begin=self._begin, end=self._end, data=self._rest[:SHOWN_BYTES])
+        unfinished = Block(begin=self._begin, end=self._end, data=self._rest[:SHOWN_BYTES], is_whole=False)
         return (*self._blocks, unfinished)
 
     def index_at(self, position: int) -> int | None:

@@ -167,6 +167,34 @@ class Test441:
         bench.sat()
         assert bench.answer(Command.GTD).command is Command.DAT
 
+    def started_anew(self) -> Bench:
+        """A host whose program was started between RST and the next SAT, and a control that goes on with GTD."""
+        bench = Bench()
+        bench.answer(Command.RST)
+        bench.arm()
+        for _ in range(60):
+            assert bench.answer(Command.GTD) == WAT
+            bench.wait(1)
+        return bench
+
+    def test_gtd_without_end_before_the_parameters_are_settled_ends_the_job(self) -> None:
+        """4.5: Tw is at most Tp, so that no SAT comes between; and a conversion of another host may be in force."""
+        bench = self.started_anew()
+        assert bench.all(Ended) == []
+        assert [notice.text[:30] for notice in bench.all(Notice)] == ["the program waits: the control"]
+        bench.wait(1)
+        assert bench.answer(Command.GTD) == WAT
+        assert (bench.ended.outcome, bench.ended.bytes_high) == (Outcome.FAILED, 0)
+        assert bench.ended.reason.startswith("nothing was sent: the control asks for the program (GTD) and has not")
+
+    def test_reset_and_a_poll_settle_the_parameters_in_time(self) -> None:
+        bench = self.started_anew()
+        bench.answer(Command.RST)
+        assert bench.answer(Command.GTD) == WAT
+        bench.wait(5)
+        bench.sat()
+        assert bench.answer(Command.GTD).command is Command.DAT
+
     def test_a_whole_transfer(self) -> None:
         bench = Bench()
         taken = bytearray(bench.sending().data)

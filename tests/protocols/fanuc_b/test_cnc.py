@@ -283,6 +283,16 @@ def test_6_1_2_an_unsent_code_at_rest_is_not_repeated_and_dies_with_dr() -> None
     assert Bench().reset().signals(dsr=False).signals().send() == b""
 
 
+@pytest.mark.parametrize("begin", [Bench.start, Bench.punch])
+def test_6_4_a_job_ends_by_reset_though_the_line_takes_nothing(begin: Callable[[Bench], Bench]) -> None:
+    """Nothing was said to the host yet; the SYN goes out as at rest."""
+    bench = Bench()
+    for _ in range(2):
+        assert begin(bench).reset().end() == (Outcome.CANCELLED, 0, 0)
+        bench.events.clear()
+    assert bench.send() == SYN
+
+
 def test_3_3_expansion_b_knows_no_cd() -> None:
     bench = Bench(Params(limits=EXPANSION_B)).signals(cd=False).reset()
     assert bench.send() == SYN

@@ -41,6 +41,9 @@ __all__ = ["LAW", "FanucAHost", "State"]
 DAT_HEADER: Final = 5
 """Sum and command stand before the data."""
 
+STATUS_LIMIT: Final[Nanos] = 60 * SECOND
+"""A control that goes on with GTD gets WAT for so long before its first SAT: an operator who was told has RESET it."""
+
 
 class FanucAHost(HostLine):
     """A host computer on protocol A or expansion A: the params, and what the control agrees to, say which.
@@ -77,7 +80,7 @@ class FanucAHost(HostLine):
             self._outbox.forget_program()
         self._exchange.forget_retries()
         self._exchange.begin(now)
-        self._told.discard("obstacle")
+        self._told -= {"obstacle", "status"}
         if self._streaming.waits_for_job and self._fresh and not self._agreement.obstacle:
             self._streaming.take_up(job)
             self._begin_streaming()
@@ -236,7 +239,7 @@ class FanucAHost(HostLine):
     def _stand_at_beginning(self) -> None:
         """Whatever is asked for now is the beginning of a program, not the middle of one."""
         self._fresh = True
-        self._told -= {"unserved", "middle"}
+        self._told -= {"unserved", "middle", "status"}
         if self._state is State.FINISHED:
             self._state = State.IDLE
 
@@ -321,7 +324,7 @@ class FanucAHost(HostLine):
     def _answer_gtd(self, now: Nanos) -> None:
         match self._state:
             case State.ARMED if not self._agreement.settled:
-                self._say(Command.WAT)
+                self._await_status(now)
             case State.ARMED if self._agreement.obstacle:
                 self._meet_obstacle(self._agreement.obstacle, now)
             case State.ARMED if not self._fresh:
@@ -339,6 +342,20 @@ class FanucAHost(HostLine):
                     self._told.add("unserved")
                     self._events.put(Requested(served=False))
                 self._have_it_wait(now)
+
+    def _await_status(self, now: Nanos) -> None:
+        """Before SET a code conversion of a host before us may be in force, and a control that goes on with GTD says no
+        SAT that could be answered by SET: Tw is at most Tp (4.5).
+        """
+        asks = "the control asks for the program (GTD) and has not told its parameters (SAT)"
+        if "status" not in self._told:
+            self._told.add("status")
+            self._asked_at = now
+            self._events.put(Notice(text=f"the program waits: {asks}; RESET it, and start it some seconds later"))
+        if now - self._asked_at > STATUS_LIMIT:
+            self._fail_unsent(f"nothing was sent: {asks} for {STATUS_LIMIT // SECOND} s", now)
+        else:
+            self._say(Command.WAT)
 
     def _meet_obstacle(self, obstacle: str, now: Nanos) -> None:
         """Wait as long as SET may still remove it."""

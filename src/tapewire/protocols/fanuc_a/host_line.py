@@ -78,6 +78,7 @@ class HostLine(ABC):
         self._streaming = Streaming(params, self._agreement, self._outbox, self._timers, self._poll, self._events)
         self._fresh = False
         self._armed_at: Nanos = 0
+        self._asked_at: Nanos = 0
         self._polled_by: Command | None = None
         self._wishes: dict[Command, Message] = {}
         self._crossed: Message | None = None
@@ -342,6 +343,7 @@ class HostLine(ABC):
 
     def _begin_anew(self) -> None:
         self._streaming.close()
+        self._told.discard("status")
         self._sdi_due = False
         self._agreement.begin_anew()
         self._exchange.forget_retries()

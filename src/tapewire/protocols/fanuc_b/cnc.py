@@ -362,7 +362,9 @@ class FanucBCnc:
             case State.CLOSING:
                 self._interrupt_closing(cause, outcome, reason, code)
             case State.STARTING | State.OPENING:
-                self._cut_off(cause, outcome, reason, self._posting.at_rest(code))
+                # Nothing was said to the host: a line that takes nothing must not keep the job from its end.
+                self._cut_off(cause, outcome, reason, ())
+                self._out.codes.extend(self._posting.at_rest(code))
             case State.RECEIVED:
                 self._close(cause, outcome, reason, self._posting.at_rest(code))
             case State.PUNCHING | State.PAUSED:
