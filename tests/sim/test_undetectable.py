@@ -13,15 +13,15 @@ from tapewire.line.transport import Fault
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
 from tapewire.sim.scenarios import Direction, draw
 from tapewire.sim.switches import Settings
-from tapewire.sim.undetectable import Excuses, first_difference
+from tapewire.sim.undetectable import SILENT_ALARM, Excuses, first_difference
 
 PROGRAM = b"%\nN1 X1\nN2 X2\nM30\n%"
 
 
-def case(protocol: str = "fanuc-b", **damage: Any) -> tuple[Evidence, Excuses]:
+def case(protocol: str = "fanuc-b", cnc: dict[str, str] | None = None, **damage: Any) -> tuple[Evidence, Excuses]:
     """A transfer of PROGRAM of which the control has all, and one damage, in a job from 10 to 20 s."""
     drawn = draw(protocol, "clean", 1)
-    plain = Settings(host={}, cnc={}, data=drawn.settings.data)
+    plain = Settings(host={}, cnc=cnc or {}, data=drawn.settings.data)
     scenario = dataclasses.replace(drawn, direction=Direction.SEND, settings=plain, has_signals=True)
     evidence = Evidence(program=PROGRAM, expected=PROGRAM)
     evidence.host.sent += PROGRAM
@@ -111,6 +111,25 @@ def test_a_control_alone_waits_for_reset_only_behind_a_job_that_is_not_complete(
     assert excuses.waiting("control", wait) == "the host's job is over, and the control waits for RESET"
     evidence.jobs[0].complete = True
     assert excuses.waiting("control", wait) == ""
+
+
+@pytest.mark.parametrize(
+    ("told", "alarm", "got", "excused"),
+    [
+        ("at-reset", 15, len(PROGRAM), True),
+        ("at-once", 15, len(PROGRAM), False),
+        ("at-reset", 5, len(PROGRAM), False),
+        ("at-reset", 15, len(PROGRAM) - 1, False),
+    ],
+)
+def test_an_alarm_behind_a_program_that_is_whole(told: str, alarm: int, got: int, excused: bool) -> None:
+    """6.4 note 1: nothing of it is told before RESET, and the host is complete."""
+    evidence, excuses = case(cnc={"alarm": told})
+    evidence.jobs[0].complete = True
+    evidence.attempts[0].got = got
+    evidence.note_act("alarm", alarm * SECOND)
+    wait = Wait(who=("control",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"")
+    assert (excuses.waiting("control", wait) == SILENT_ALARM) is excused
 
 
 def test_a_control_that_left_while_it_held_its_host() -> None:
