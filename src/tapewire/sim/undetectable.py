@@ -87,8 +87,8 @@ class Excuses:
 
     def _dark_control(self, job: Job) -> str:
         """What ended the control's operation in the time of `job` and reached no host to which ER says nothing."""
-        scenario, evidence = self._scenario, self._evidence
-        if scenario.has_signals and scenario.settings.host.get("er") != "hidden":
+        evidence = self._evidence
+        if not self._er_unseen:
             return ""
         if any(what == "power cut: control" and self._in_time(moment, job) for moment, what in evidence.acts):
             return "a control whose loss of power nothing shows"
@@ -288,6 +288,8 @@ class Excuses:
         unseen = self._unseen(Wire.FROM_HOST, job)
         if self._sends and wait.moving and self._scenario.override is not None and unseen:
             return "a damaged block that takes hours"
+        if self._is_b and self._ended_unplugged(wait):
+            return "the end of a reading whose cable was pulled, and ER unseen"
         if self._is_b and self._looks_like_a_stop(wait):
             return "a reset that looks like a stop: no posting, and ER unseen"
         if wait.said != wait.heard and self._touched(job):
@@ -321,10 +323,21 @@ class Excuses:
         """Something happened to what the control says, marked or not."""
         return any(self._in_time(damage.moment, job) for damage in self._evidence.on(Wire.FROM_CONTROL))
 
+    @property
+    def _er_unseen(self) -> bool:
+        return not self._scenario.has_signals or self._scenario.settings.host.get("er") == "hidden"
+
+    def _ended_unplugged(self, wait: Wait) -> bool:
+        """DR was OFF when the control had the program whole: it needs its host no more, and no DC3 is said (6.1.2)."""
+        ends = [moment for moment, outcome in self._evidence.control_ends if outcome is Outcome.COMPLETE]
+        pulled = [damage.moment for damage in self._evidence.damages if damage.kind == "pulled cable"]
+        began = wait.attempt.began if wait.attempt is not None else wait.job.began
+        unplugged = any(began <= pull <= end and self._in_time(end, wait.job) for pull in pulled for end in ends)
+        return self._sends and self._er_unseen and unplugged and not wait.said.endswith(_DC3)
+
     def _looks_like_a_stop(self, wait: Wait) -> bool:
         scenario = self._scenario
-        er_unseen = not scenario.has_signals or scenario.settings.host.get("er") == "hidden"
-        blind = er_unseen and scenario.settings.host.get("posting") == "off"
+        blind = self._er_unseen and scenario.settings.host.get("posting") == "off"
         ended = self._control_ended(wait.job, Outcome.FAILED, Outcome.CANCELLED)
         return blind and ended and wait.heard.endswith(_DC3)
 
