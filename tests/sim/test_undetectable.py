@@ -13,15 +13,18 @@ from tapewire.line.transport import Fault
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
 from tapewire.sim.scenarios import Direction, draw
 from tapewire.sim.switches import Settings
-from tapewire.sim.undetectable import Excuses, first_difference
+from tapewire.sim.undetectable import SILENT_ALARM, Excuses, first_difference
 
 PROGRAM = b"%\nN1 X1\nN2 X2\nM30\n%"
 
 
-def case(protocol: str = "fanuc-b", **damage: Any) -> tuple[Evidence, Excuses]:
+Words = dict[str, str] | None
+
+
+def case(protocol: str = "fanuc-b", host: Words = None, cnc: Words = None, **damage: Any) -> tuple[Evidence, Excuses]:
     """A transfer of PROGRAM of which the control has all, and one damage, in a job from 10 to 20 s."""
     drawn = draw(protocol, "clean", 1)
-    plain = Settings(host={}, cnc={}, data=drawn.settings.data)
+    plain = Settings(host=host or {}, cnc=cnc or {}, data=drawn.settings.data)
     scenario = dataclasses.replace(drawn, direction=Direction.SEND, settings=plain, has_signals=True)
     evidence = Evidence(program=PROGRAM, expected=PROGRAM)
     evidence.host.sent += PROGRAM
@@ -111,6 +114,43 @@ def test_a_control_alone_waits_for_reset_only_behind_a_job_that_is_not_complete(
     assert excuses.waiting("control", wait) == "the host's job is over, and the control waits for RESET"
     evidence.jobs[0].complete = True
     assert excuses.waiting("control", wait) == ""
+
+
+@pytest.mark.parametrize(
+    ("told", "alarm", "got", "excused"),
+    [
+        ("at-reset", 15, len(PROGRAM), True),
+        ("at-once", 15, len(PROGRAM), False),
+        ("at-reset", 5, len(PROGRAM), False),
+        ("at-reset", 15, len(PROGRAM) - 1, False),
+    ],
+)
+def test_an_alarm_behind_a_program_that_is_whole(told: str, alarm: int, got: int, excused: bool) -> None:
+    """6.4 note 1: nothing of it is told before RESET, and the host is complete."""
+    evidence, excuses = case(cnc={"alarm": told})
+    evidence.jobs[0].complete = True
+    evidence.attempts[0].got = got
+    evidence.note_act("alarm", alarm * SECOND)
+    wait = Wait(who=("control",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"")
+    assert (excuses.waiting("control", wait) == SILENT_ALARM) is excused
+
+
+@pytest.mark.parametrize(
+    ("pulled", "said", "er", "excused"),
+    [
+        (15, b"\x11", "hidden", True),
+        (15, b"\x11", "wired", False),
+        (15, b"\x11\x13", "hidden", False),
+        (5, b"\x11", "hidden", False),
+        (18, b"\x11", "hidden", False),
+    ],
+)
+def test_the_end_of_a_reading_whose_cable_was_pulled(pulled: int, said: bytes, er: str, excused: bool) -> None:
+    """The control ends at 17 s. Where it said DC3 all the same, or ER shows it, there is nothing to excuse."""
+    evidence, excuses = case(host={"er": er}, moment=pulled * SECOND, kind="pulled cable", place=0, sent=b"")
+    evidence.control_ends.append((17 * SECOND, Outcome.COMPLETE))
+    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=said, heard=said)
+    assert bool(excuses.waiting("host", wait)) is excused
 
 
 def test_a_control_that_left_while_it_held_its_host() -> None:

@@ -18,7 +18,7 @@ from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
 from tapewire.sim.frames import cancelled_sums, ends_with_stop, forged_records, rest_fits, text_of
 from tapewire.sim.scenarios import Act, Direction, Scenario
 
-__all__ = ["Excuses", "first_difference"]
+__all__ = ["SILENT_ALARM", "Excuses", "first_difference"]
 
 
 def first_difference(got: bytes, program: bytes) -> int | None:
@@ -34,6 +34,8 @@ _STALLS: Final = frozenset({Act.STALL.value, "clock step: host"})
 
 _FORGED: Final = "a control code lost or forged"
 _DC3: Final = b"\x13"
+
+SILENT_ALARM: Final = "an alarm that is told only at RESET (6.4 note 1)"
 
 
 class Excuses:
@@ -85,8 +87,8 @@ class Excuses:
 
     def _dark_control(self, job: Job) -> str:
         """What ended the control's operation in the time of `job` and reached no host to which ER says nothing."""
-        scenario, evidence = self._scenario, self._evidence
-        if scenario.has_signals and scenario.settings.host.get("er") != "hidden":
+        evidence = self._evidence
+        if not self._er_unseen:
             return ""
         if any(what == "power cut: control" and self._in_time(moment, job) for moment, what in evidence.acts):
             return "a control whose loss of power nothing shows"
@@ -267,6 +269,8 @@ class Excuses:
         if not wait.job.complete:
             # The rest of its work is its operator's.
             return "the host's job is over, and the control waits for RESET"
+        if self._is_b and self._alarm_behind(wait):
+            return SILENT_ALARM
         # The last check character was answered, and nothing answers the end code behind it (4.2).
         hit = [damage for damage in self._evidence.on(Wire.FROM_HOST) if self._in_time(damage.moment, wait.job)]
         if self._linked and any(self._codes.ends & set(damage.sent) for damage in hit):
@@ -280,10 +284,12 @@ class Excuses:
         if dark := self._dark_control(job):
             return dark
         if self._is_b and self._is_silent_alarm(job):
-            return "an alarm that is told only at RESET (6.4 note 1)"
+            return SILENT_ALARM
         unseen = self._unseen(Wire.FROM_HOST, job)
         if self._sends and wait.moving and self._scenario.override is not None and unseen:
             return "a damaged block that takes hours"
+        if self._is_b and self._ended_unplugged(wait):
+            return "the end of a reading whose cable was pulled, and ER unseen"
         if self._is_b and self._looks_like_a_stop(wait):
             return "a reset that looks like a stop: no posting, and ER unseen"
         if wait.said != wait.heard and self._touched(job):
@@ -294,19 +300,44 @@ class Excuses:
 
     def _is_silent_alarm(self, job: Job) -> bool:
         """The control goes to alarm by itself, or because of a damaged character."""
-        acts = self._evidence.acts
-        alarmed = any(what == Act.ALARM.value and self._in_time(moment, job) for moment, what in acts)
-        at_reset = self._scenario.settings.cnc.get("alarm") == "at-reset"
-        return at_reset and (alarmed or self._control_ended(job, Outcome.FAILED))
+        alarmed = any(self._in_time(moment, job) for moment in self._alarms)
+        return self._tells_at_reset and (alarmed or self._control_ended(job, Outcome.FAILED))
+
+    def _alarm_behind(self, wait: Wait) -> bool:
+        """It came while the control had a program whole, or was reading the rest of it."""
+        attempt = wait.attempt
+        if attempt is None or attempt.got < len(self._evidence.program):
+            return False
+        return self._tells_at_reset and any(moment >= attempt.began for moment in self._alarms)
+
+    @property
+    def _tells_at_reset(self) -> bool:
+        return self._scenario.settings.cnc.get("alarm") == "at-reset"
+
+    @property
+    def _alarms(self) -> list[Nanos]:
+        """Those of the CNC itself."""
+        return [moment for moment, what in self._evidence.acts if what == Act.ALARM.value]
 
     def _touched(self, job: Job) -> bool:
         """Something happened to what the control says, marked or not."""
         return any(self._in_time(damage.moment, job) for damage in self._evidence.on(Wire.FROM_CONTROL))
 
+    @property
+    def _er_unseen(self) -> bool:
+        return not self._scenario.has_signals or self._scenario.settings.host.get("er") == "hidden"
+
+    def _ended_unplugged(self, wait: Wait) -> bool:
+        """DR was OFF when the control had the program whole: it needs its host no more, and no DC3 is said (6.1.2)."""
+        ends = [moment for moment, outcome in self._evidence.control_ends if outcome is Outcome.COMPLETE]
+        pulled = [damage.moment for damage in self._evidence.damages if damage.kind == "pulled cable"]
+        began = wait.attempt.began if wait.attempt is not None else wait.job.began
+        unplugged = any(began <= pull <= end and self._in_time(end, wait.job) for pull in pulled for end in ends)
+        return self._sends and self._er_unseen and unplugged and not wait.said.endswith(_DC3)
+
     def _looks_like_a_stop(self, wait: Wait) -> bool:
         scenario = self._scenario
-        er_unseen = not scenario.has_signals or scenario.settings.host.get("er") == "hidden"
-        blind = er_unseen and scenario.settings.host.get("posting") == "off"
+        blind = self._er_unseen and scenario.settings.host.get("posting") == "off"
         ended = self._control_ended(wait.job, Outcome.FAILED, Outcome.CANCELLED)
         return blind and ended and wait.heard.endswith(_DC3)
 
