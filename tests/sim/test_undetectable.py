@@ -87,7 +87,7 @@ def test_no_more_is_missing_than_was_lost(missing: int, excused: bool) -> None:
 @pytest.mark.parametrize(("surplus", "excused"), [(1, True), (2, False)])
 def test_no_more_is_there_than_was_made(surplus: int, excused: bool) -> None:
     evidence, excuses = case(sent=b"X", arrived=(b"XX",))
-    assert bool(excuses.more(evidence.attempts, surplus)) is excused
+    assert excuses.more(evidence.attempts, surplus) == "doubled character" * excused
 
 
 @pytest.mark.parametrize(("moment", "excused"), [(5, False), (25, True), (35, False)])
@@ -95,7 +95,7 @@ def test_what_is_made_counts_as_long_as_the_control_reads(moment: int, excused: 
     """The host has ended at 20 s, the control does at 30 s."""
     evidence, excuses = case(moment=moment * SECOND, place=0, sent=b"", arrived=(b"X",))
     evidence.control_ends.append((30 * SECOND, Outcome.CANCELLED))
-    assert bool(excuses.more(evidence.attempts, 1)) is excused
+    assert excuses.more(evidence.attempts, 1) == "character out of nothing" * excused
 
 
 @pytest.mark.parametrize(("heard", "excused"), [(b"\x11\x13", True), (b"\x11\x13\x11", False)])

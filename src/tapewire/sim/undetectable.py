@@ -234,8 +234,9 @@ class Excuses:
         """`surplus` characters more are with the control than were handed over. It reads on when its host has ended."""
         attempt = max(attempts, key=lambda attempt: attempt.got)
         damages = [damage for damage in self._unseen(Wire.FROM_HOST) if self._while_read(damage.moment, attempt)]
-        made = sum(max(0, len(damage.plain) - len(damage.sent)) for damage in damages)
-        return "doubled character" if not self._is_a and surplus <= made else ""
+        makers = [damage for damage in damages if len(damage.plain) > len(damage.sent)]
+        made = sum(len(damage.plain) - len(damage.sent) for damage in makers)
+        return makers[0].name if not self._is_a and 0 < surplus <= made else ""
 
     def _while_read(self, moment: Nanos, attempt: Attempt) -> bool:
         """The control was in this reading."""
