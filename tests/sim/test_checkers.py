@@ -65,6 +65,13 @@ def test_a_record_whose_check_cancels_is_found_and_a_wrong_one_is_not(lrc: str) 
     assert forged_records(record, twice, lrc, ENDS)
 
 
+def test_the_first_record_stands_behind_the_answer_to_the_name() -> None:
+    record = encode_record(b"N10X1\r\n", 0x17, next(each for each in LRC_CANDIDATES if each == "xor7_etb"))
+    twice = record.replace(b"10X1", b"30X3")
+    assert not forged_records(b"\x11" + record, b"\x11" + record, "xor7_etb", ENDS)
+    assert forged_records(b"\x11" + record, b"\x11" + twice, "xor7_etb", ENDS)
+
+
 @pytest.mark.parametrize(("got", "where"), [(b"", None), (b"AB", None), (b"AX", 1), (b"ABCD", 3)])
 def test_where_what_came_is_no_beginning_any_more(got: bytes, where: int | None) -> None:
     assert first_difference(got, b"ABC") == where

@@ -182,3 +182,21 @@ def test_ten_packets_are_skipped_where_nine_are_gone_whole_and_one_in_part(lost:
     wrong = first_difference(bytes(attempt.delivered), evidence.expected)
     assert wrong is not None
     assert bool(excuses.content(attempt, wrong, bytes(attempt.delivered))) is excused
+
+
+@pytest.mark.parametrize(
+    ("came", "delivered", "excused"),
+    [(b"\x12", b"\x11", True), (b"X", b"\x11", True), (b"", b"\x11Z", False), (None, b"\x11", False)],
+)
+def test_a_code_of_the_host_read_as_text(came: bytes | None, delivered: bytes, excused: bool) -> None:
+    """Bridgeport: the host answered what the control had not said."""
+    damage: dict[str, Any] = (
+        {} if came is None else {"wire": Wire.FROM_CONTROL, "sent": b"\x14", "arrived": (came,) if came else ()}
+    )
+    evidence, excuses = case("bridgeport", cnc={"mode": "L"}, **damage)
+    attempt = evidence.attempts[0]
+    attempt.delivered[:] = delivered
+    attempt.got = len(delivered)
+    evidence.host.sent[:] = evidence.cnc.brought[:] = b"\x11"
+    assert bool(excuses.content(attempt, 0, delivered)) is excused
+    assert bool(excuses.more([attempt], 1)) is excused

@@ -128,6 +128,8 @@ class Excuses:
             return self._content_a(attempt, wrong)
         if self._linked and self._sends:
             return self._content_linked(attempt)
+        if self._codes_as_text(attempt):
+            return _FORGED
         damage = self._program_damage(attempt, wrong)
         faithful = not self._sends or self._host_is_faithful(attempt, wrong)
         if damage is None or not faithful or not self._receiver_is_faithful(attempt, got):
@@ -233,10 +235,26 @@ class Excuses:
     def more(self, attempts: list[Attempt], surplus: int) -> str:
         """`surplus` characters more are with the control than were handed over. It reads on when its host has ended."""
         attempt = max(attempts, key=lambda attempt: attempt.got)
+        if 0 < surplus <= self._codes_as_text(attempt):
+            return _FORGED
         damages = [damage for damage in self._unseen(Wire.FROM_HOST) if self._while_read(damage.moment, attempt)]
         makers = [damage for damage in damages if len(damage.plain) > len(damage.sent)]
         made = sum(len(damage.plain) - len(damage.sent) for damage in makers)
         return makers[0].name if not self._is_a and 0 < surplus <= made else ""
+
+    def _codes_as_text(self, attempt: Attempt) -> int:
+        """Bridgeport: so many codes of the host are all that was taken beside the program. It answered what the control
+        had not said, and the control waited for text.
+        """
+        if self._is_a or self._is_b or not self._sends:
+            return 0
+        got, hit = bytes(attempt.delivered), self._unseen(Wire.FROM_CONTROL)
+        forged = any(
+            self._codes.all & (set(damage.sent) | set(damage.plain)) and self._while_read(damage.moment, attempt)
+            for damage in hit
+        )
+        whole = text_of(self._evidence.program).startswith(text_of(got))
+        return len(got) - len(text_of(got)) if forged and whole else 0
 
     def _while_read(self, moment: Nanos, attempt: Attempt) -> bool:
         """The control was in this reading."""
