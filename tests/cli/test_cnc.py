@@ -39,6 +39,26 @@ def test_8_2_reading_tells_what_is_registered(shop: Shop) -> None:
     assert "registered O0001" in told
 
 
+def test_blocks_take_what_their_feed_and_their_dwells_say(shop: Shop) -> None:
+    """100 mm at F6000, then G04 X.5: a second and a half at the feed as programmed, the dwell whatever the override."""
+    text, saved = b"%\nO1\nG91G01X50.F6000\nX50.\nG04X.5\nM30\n%", shop.folder / "taken"
+    seconds = {}
+    for percent, protocol in ((100, "fanuc-b"), (200, "fanuc-a")):
+        line = shop.folder / f"control-{percent}"
+        file = shop.file("in.nc", text)
+        settings = ("--set", "data=eia") if protocol == "fanuc-a" else ("--set", "code=iso")
+        words = ("--line", f"pty:{line}", *FAST, "--json", "--protocol", protocol, "--feed-override", percent)
+        control = shop.start("cnc", *words, "--save", saved, *settings)
+        control.wait_for("ready")
+        shop.start("send", file, "--line", line, *FAST, "--protocol", protocol, *settings)
+        ended = control.finish()
+        assert ended.outcome == (0, "complete")
+        began = ended.named("started")[0]["time_ns"]
+        seconds[percent] = (ended.end["time_ns"] - began) / 1e9
+    assert seconds[100] >= 1.5
+    assert seconds[200] >= 1.0
+
+
 def test_11_ps10_fails_the_operation(shop: Shop) -> None:
     line = shop.folder / "control"
     file = shop.file("in.nc", b"%\nO1\nX1.\nG123\nM30\n%")

@@ -69,6 +69,12 @@ _COUNT = click.IntRange(min=1)
     type=Number(0.001, 1_000_000),
     help="Execution speed; without it blocks take no time, on the panel a tenth of a second.",
 )
+@click.option(
+    "--feed-override",
+    type=Number(1, 200),
+    metavar="PERCENT",
+    help="Blocks take what their length and feed say, at so much of the feed: 100 as programmed.",
+)
 @click.option("--reset-after", type=_COUNT, metavar="BYTES", help="Press RESET after so many bytes of program.")
 @click.option("--alarm-after", type=_COUNT, metavar="BYTES", help="Go to alarm after so many bytes of program.")
 @click.option(
@@ -153,6 +159,7 @@ class _Options:
     raw: bool
     save: Path | None
     blocks_per_second: float | None
+    feed_override: float | None
     reset_after: int | None
     alarm_after: int | None
     presses: tuple[str, ...]
@@ -166,6 +173,8 @@ class _Options:
         """Raises UsageError."""
         if self.operation == Operation.PUNCH and self.save is not None:
             raise UsageError("--save stores what the control took: it does not go with --operation punch")
+        if self.feed_override is not None and self.blocks_per_second is not None:
+            raise UsageError("--feed-override and --blocks-per-second both say how long a block takes: leave one out")
         if not self.panel:
             return
         given = {
@@ -231,6 +240,15 @@ class _Options:
         return None if self.file is None else Program.from_file(self.file, job.protocol.text(job.params), raw=self.raw)
 
     @property
+    def override(self) -> float | None:
+        """Of the feed, as a share."""
+        return None if self.feed_override is None else self.feed_override / 100
+
+    @property
+    def panel_speed(self) -> float | None:
+        return self.blocks_per_second or (PANEL_BLOCKS_PER_SECOND if self.feed_override is None else None)
+
+    @property
     def block_check(self) -> Switch:
         return Switch.ON if self.check_blocks else Switch.OFF
 
@@ -264,6 +282,7 @@ def _run_once(chosen: _Options, told: _Told, job: JobSettings, program: Program 
         punch=program,
         save=chosen.save,
         blocks_per_second=chosen.blocks_per_second,
+        feed_override=chosen.override,
         presses=tuple(map(Press.parse, chosen.presses)),
         reset_after=chosen.reset_after,
         alarm_after=chosen.alarm_after,
@@ -288,7 +307,8 @@ def _show_panel(chosen: _Options, told: _Told, job: JobSettings, program: Progra
     is_bridgeport = told.protocol == "bridgeport"
     with closing(Taken(chosen.save)) as taken:
         task = OperatedTask(
-            blocks_per_second=chosen.blocks_per_second or PANEL_BLOCKS_PER_SECOND,
+            blocks_per_second=chosen.panel_speed,
+            feed_override=chosen.override,
             punch=program,
             taken=taken,
             faults=chosen.fault_plan,

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Final
 
+from tapewire.codes import TABLES, DataCode
 from tapewire.engine import MILLISECOND, SECOND, Nanos
 
 __all__ = ["BlockTime", "Speeds"]
@@ -39,8 +40,9 @@ class Speeds:
 class BlockTime:
     """Execution time block by block. Keeps what is modal: G00/G01/G02/G03, G90/G91, G20/G21, F, the position."""
 
-    def __init__(self, speeds: Speeds | None = None) -> None:
+    def __init__(self, speeds: Speeds | None = None, code: DataCode = DataCode.ASCII) -> None:
         self._speeds = speeds or Speeds()
+        self._to_ascii = TABLES[code].to_ascii
         self._motion = 0
         self._incremental = False
         self._unit_mm = 1.0
@@ -48,8 +50,9 @@ class BlockTime:
         self._position = {b"X": 0.0, b"Y": 0.0, b"Z": 0.0}
 
     def __call__(self, block: bytes) -> Nanos:
-        """Nanoseconds for `block`, a line of characters without parity. Never raises: a control has its own checks."""
-        words = [(letter, _number(text)) for letter, text in _WORD.findall(_COMMENT.sub(b"", block.upper()))]
+        """Nanoseconds for `block`, as taken from the buffer. Never raises: a control has its own checks."""
+        text = block.translate(self._to_ascii).upper()
+        words = [(letter, _number(number)) for letter, number in _WORD.findall(_COMMENT.sub(b"", text))]
         dwell = False
         for value in (value for letter, value in words if letter == b"G"):
             dwell = self._prepare(value) or dwell

@@ -30,6 +30,7 @@ from tapewire.line.transport import Transport
 from tapewire.protocols.settings import Switch
 from tapewire.sim.binary_operation import binary_operation
 from tapewire.sim.board import Board, BufferedEngine
+from tapewire.sim.execution import BlockTime, Speeds
 from tapewire.sim.machine import Control
 from tapewire.sim.nc import Ground, Nc
 from tapewire.sim.nc import Operation as NcOperation
@@ -69,10 +70,11 @@ class ControlTask:
 
     `punch` is the program it punches; without one it punches its `parameters`. `save` is where it stores what it took,
     and a control that takes nothing leaves that file as it is. `blocks_per_second` None means as fast as the program
-    comes. `presses` are the keys of its operator; `reset_after` and `alarm_after` bytes of program he presses RESET, or
-    the control goes to alarm. Where it stops by itself (M00, M01, single block, end of a program) CYCLE START comes
-    `stand` later. With `block_check` a block that it cannot execute is PS10 to PS12. `faults` happen on its line, drawn
-    from `fault_seed`: the same seed on the same dialogue gives the same faults.
+    comes, unless `feed_override` is the share of the feed at which blocks take what their length and feed say.
+    `presses` are the keys of its operator; `reset_after` and `alarm_after` bytes of program he presses RESET, or the
+    control goes to alarm. Where it stops by itself (M00, M01, single block, end of a program) CYCLE START comes `stand`
+    later. With `block_check` a block that it cannot execute is PS10 to PS12. `faults` happen on its line, drawn from
+    `fault_seed`: the same seed on the same dialogue gives the same faults.
     """
 
     operation: Operation = Operation.DNC
@@ -81,6 +83,7 @@ class ControlTask:
     punch: Program | None = None
     save: Path | None = None
     blocks_per_second: float | None = None
+    feed_override: float | None = None
     presses: tuple[Press, ...] = ()
     reset_after: int | None = None
     alarm_after: int | None = None
@@ -245,10 +248,19 @@ def _control(task: ControlTask, job: JobSettings, cnc: CncEngine, taken: Taken) 
         cnc,
         taken,
         blocks_per_second=task.blocks_per_second if is_dnc else None,
+        block_time=block_time_for(job.params, task.feed_override) if is_dnc else None,
         eob=job.protocol.text(job.params).eob,
         binary=binary_operation(job.protocol.binary_input(job.params)) if is_dnc else None,
         flow=flow_for(job.params, task.block_check) if is_dnc else None,
     )
+
+
+def block_time_for(params: Any, feed_override: float | None) -> BlockTime | None:
+    """How long blocks take by their length and feed; None where nobody asked, or where they are bytes and no text."""
+    code = getattr(params, "data", DataCode.ASCII)
+    if feed_override is None or code is DataCode.BINARY:
+        return None
+    return BlockTime(Speeds(override=feed_override), code)
 
 
 def flow_for(params: Any, block_check: Switch) -> ProgramFlow | None:

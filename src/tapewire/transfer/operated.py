@@ -45,7 +45,7 @@ from tapewire.sim.binary_operation import binary_operation
 from tapewire.sim.machine import Control, Motion
 from tapewire.sim.nc import Ground, Nc, Operation
 from tapewire.transfer.capturing import JobCapture
-from tapewire.transfer.control import STOP_CHARACTERS, Taken, board_of, faulty, flow_for
+from tapewire.transfer.control import STOP_CHARACTERS, Taken, block_time_for, board_of, faulty, flow_for
 from tapewire.transfer.program import Program
 from tapewire.transfer.reports import Ready, Report
 from tapewire.transfer.session import JobSettings, undo
@@ -81,7 +81,8 @@ class OperatedTask:
     the protocol's parameters for reading into the memory, None for those of the job. `parameters` None: nobody has told
     them; else `job_of` makes the job of a control with these in force, and raises UsageError where there is none."""
 
-    blocks_per_second: float
+    blocks_per_second: float | None = None
+    feed_override: float | None = None
     punch: Program | None = None
     taken: Taken | None = None
     faults: FaultPlan | None = None
@@ -168,6 +169,7 @@ class OperatedControl:
             self.cnc,
             self,
             blocks_per_second=self.task.blocks_per_second,
+            block_time=block_time_for(params, self.task.feed_override),
             eob=self.text.eob,
             binary=binary_operation(binary) if binary is not None else None,
             flow=flow_for(params, self.task.block_check),
