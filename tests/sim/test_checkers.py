@@ -10,7 +10,7 @@ import pytest
 from tapewire.engine import LineFault
 from tapewire.line.faults.plan import Wire
 from tapewire.line.transport import Fault
-from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, encode_record
+from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, Lrc, encode_record
 from tapewire.protocols.fanuc_a.packets import encode_packet
 from tapewire.sim.beliefs import disagreement
 from tapewire.sim.evidence import Damage, Tap
@@ -66,7 +66,7 @@ def test_a_record_whose_check_cancels_is_found_and_a_wrong_one_is_not(lrc: str) 
 
 
 def test_the_first_record_stands_behind_the_answer_to_the_name() -> None:
-    record = encode_record(b"N10X1\r\n", 0x17, next(each for each in LRC_CANDIDATES if each == "xor7_etb"))
+    record = encode_record(b"N10X1\r\n", 0x17, Lrc.XOR7_ETB)
     twice = record.replace(b"10X1", b"30X3")
     assert not forged_records(b"\x11" + record, b"\x11" + record, "xor7_etb", ENDS)
     assert forged_records(b"\x11" + record, b"\x11" + twice, "xor7_etb", ENDS)
