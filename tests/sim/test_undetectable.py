@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tapewire.engine import SECOND, LineFault, Nanos, Outcome
+from tapewire.engine import MILLISECOND, SECOND, LineFault, Nanos, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.line.transport import Fault
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
@@ -200,3 +200,23 @@ def test_a_code_of_the_host_read_as_text(came: bytes | None, delivered: bytes, e
     evidence.host.sent[:] = evidence.cnc.brought[:] = b"\x11"
     assert bool(excuses.content(attempt, 0, delivered)) is excused
     assert bool(excuses.more([attempt], 1)) is excused
+
+
+@pytest.mark.parametrize(("last", "excused"), [(3, True), (4, False)])
+def test_the_last_of_many_like_codes_was_lost(last: int, excused: bool) -> None:
+    evidence, excuses = case("bridgeport", wire=Wire.FROM_CONTROL, place=3, sent=b"\x06", arrived=())
+    job, attempt = evidence.jobs[0], evidence.attempts[0]
+    wait = Wait(who=("host",), job=job, attempt=attempt, said=b"\x06" * 3, heard=b"\x06" * 3, last_place=last)
+    assert bool(excuses.waiting("host", wait)) is excused
+
+
+@pytest.mark.parametrize(
+    ("after_ms", "sent", "excused"), [(5, b"\x11", True), (5, b"N1", False), (5000, b"\x11", False)]
+)
+def test_a_name_that_came_damaged_gets_nothing(after_ms: int, sent: bytes, excused: bool) -> None:
+    broken = Fault(fault=LineFault.BREAK)
+    moment = 10 * SECOND + after_ms * MILLISECOND
+    evidence, excuses = case("bridgeport", moment=moment, wire=Wire.FROM_CONTROL, place=0, sent=b"", arrived=(broken,))
+    evidence.host.sent[:] = sent
+    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"\x11", heard=b"\x11")
+    assert bool(excuses.waiting("host", wait)) is excused
