@@ -10,7 +10,7 @@ import pytest
 from tapewire.engine import LineFault
 from tapewire.line.faults.plan import Wire
 from tapewire.line.transport import Fault
-from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, encode_record
+from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, Lrc, encode_record
 from tapewire.protocols.fanuc_a.packets import encode_packet
 from tapewire.sim.beliefs import disagreement
 from tapewire.sim.evidence import Damage, Tap
@@ -63,6 +63,13 @@ def test_a_record_whose_check_cancels_is_found_and_a_wrong_one_is_not(lrc: str) 
     by_sum = not lrc.startswith("xor")
     twice = record.replace(b"10X1", b"20X0") if by_sum else record.replace(b"10X1", b"30X3")
     assert forged_records(record, twice, lrc, ENDS)
+
+
+def test_the_first_record_stands_behind_the_answer_to_the_name() -> None:
+    record = encode_record(b"N10X1\r\n", 0x17, Lrc.XOR7_ETB)
+    twice = record.replace(b"10X1", b"30X3")
+    assert not forged_records(b"\x11" + record, b"\x11" + record, "xor7_etb", ENDS)
+    assert forged_records(b"\x11" + record, b"\x11" + twice, "xor7_etb", ENDS)
 
 
 @pytest.mark.parametrize(("got", "where"), [(b"", None), (b"AB", None), (b"AX", 1), (b"ABCD", 3)])

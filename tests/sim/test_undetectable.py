@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tapewire.engine import SECOND, LineFault, Nanos, Outcome
+from tapewire.engine import MILLISECOND, SECOND, LineFault, Nanos, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.line.transport import Fault
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
@@ -87,7 +87,7 @@ def test_no_more_is_missing_than_was_lost(missing: int, excused: bool) -> None:
 @pytest.mark.parametrize(("surplus", "excused"), [(1, True), (2, False)])
 def test_no_more_is_there_than_was_made(surplus: int, excused: bool) -> None:
     evidence, excuses = case(sent=b"X", arrived=(b"XX",))
-    assert bool(excuses.more(evidence.attempts, surplus)) is excused
+    assert excuses.more(evidence.attempts, surplus) == "doubled character" * excused
 
 
 @pytest.mark.parametrize(("moment", "excused"), [(5, False), (25, True), (35, False)])
@@ -95,7 +95,7 @@ def test_what_is_made_counts_as_long_as_the_control_reads(moment: int, excused: 
     """The host has ended at 20 s, the control does at 30 s."""
     evidence, excuses = case(moment=moment * SECOND, place=0, sent=b"", arrived=(b"X",))
     evidence.control_ends.append((30 * SECOND, Outcome.CANCELLED))
-    assert bool(excuses.more(evidence.attempts, 1)) is excused
+    assert excuses.more(evidence.attempts, 1) == "character out of nothing" * excused
 
 
 @pytest.mark.parametrize(("heard", "excused"), [(b"\x11\x13", True), (b"\x11\x13\x11", False)])
@@ -182,3 +182,41 @@ def test_ten_packets_are_skipped_where_nine_are_gone_whole_and_one_in_part(lost:
     wrong = first_difference(bytes(attempt.delivered), evidence.expected)
     assert wrong is not None
     assert bool(excuses.content(attempt, wrong, bytes(attempt.delivered))) is excused
+
+
+@pytest.mark.parametrize(
+    ("came", "delivered", "excused"),
+    [(b"\x12", b"\x11", True), (b"X", b"\x11", True), (b"", b"\x11Z", False), (None, b"\x11", False)],
+)
+def test_a_code_of_the_host_read_as_text(came: bytes | None, delivered: bytes, excused: bool) -> None:
+    """Bridgeport: the host answered what the control had not said."""
+    damage: dict[str, Any] = (
+        {} if came is None else {"wire": Wire.FROM_CONTROL, "sent": b"\x14", "arrived": (came,) if came else ()}
+    )
+    evidence, excuses = case("bridgeport", cnc={"mode": "L"}, **damage)
+    attempt = evidence.attempts[0]
+    attempt.delivered[:] = delivered
+    attempt.got = len(delivered)
+    evidence.host.sent[:] = evidence.cnc.brought[:] = b"\x11"
+    assert bool(excuses.content(attempt, 0, delivered)) is excused
+    assert bool(excuses.more([attempt], 1)) is excused
+
+
+@pytest.mark.parametrize(("last", "excused"), [(3, True), (4, False)])
+def test_the_last_of_many_like_codes_was_lost(last: int, excused: bool) -> None:
+    evidence, excuses = case("bridgeport", wire=Wire.FROM_CONTROL, place=3, sent=b"\x06", arrived=())
+    job, attempt = evidence.jobs[0], evidence.attempts[0]
+    wait = Wait(who=("host",), job=job, attempt=attempt, said=b"\x06" * 3, heard=b"\x06" * 3, last_place=last)
+    assert bool(excuses.waiting("host", wait)) is excused
+
+
+@pytest.mark.parametrize(
+    ("after_ms", "sent", "excused"), [(5, b"\x11", True), (5, b"N1", False), (5000, b"\x11", False)]
+)
+def test_a_name_that_came_damaged_gets_nothing(after_ms: int, sent: bytes, excused: bool) -> None:
+    broken = Fault(fault=LineFault.BREAK)
+    moment = 10 * SECOND + after_ms * MILLISECOND
+    evidence, excuses = case("bridgeport", moment=moment, wire=Wire.FROM_CONTROL, place=0, sent=b"", arrived=(broken,))
+    evidence.host.sent[:] = sent
+    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"\x11", heard=b"\x11")
+    assert bool(excuses.waiting("host", wait)) is excused

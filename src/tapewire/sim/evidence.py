@@ -165,6 +165,8 @@ class Wait:
     """The last codes that the control had said,"""
     heard: bytes
     """and the last ones that had come to the host unmarked."""
+    last_place: int = 0
+    """Of all characters that the control had said, counted from 1."""
     moving: bool = False
     """The control was in the middle of a block."""
 

@@ -53,7 +53,8 @@ def forged_records(sent: bytes, brought: bytes, lrc: str, ends: frozenset[int]) 
     """Some record of DNC LINK was brought that was not sent, its check character right (2.2). `ends` end a record."""
     sent, brought = bytes(byte & 0x7F for byte in sent), bytes(byte & 0x7F for byte in brought)
     places = [at for at, byte in enumerate(brought[:-1]) if byte in ends]
-    starts = [0, *(end + 2 for end in places)]
+    # The answer to the name, one character, stands before the first record.
+    starts = [0, 1, *(end + 2 for end in places)]
     for end in places:
         for start in starts:
             right = 0 <= end - start <= 256 and _check(brought[start:end], brought[end], lrc) == brought[end + 1]

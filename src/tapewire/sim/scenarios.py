@@ -187,6 +187,11 @@ class Scenario:
         return sum(act.span for act in self.acts)
 
 
+_MOST_GRAIN: Final = {"bridgeport": 28}
+"""Between its `stop_at_free` of 32 characters and the end of its buffer, less the three that may come after XOFF (3.2).
+The others say stop while hundreds of characters are free.
+"""
+
 _BAUDS: Final = {
     "fanuc-a": (2400, 4800, 9600, 19200),
     "fanuc-a-expansion": (19200, 38400, 76800, 86400),
@@ -224,7 +229,7 @@ def draw(protocol: str, preset: str, seed: int, *, path: str | None = None, punc
         has_signals=path != "serial-server" and draws.happens(0.9),
         parity=draws.happens(0.75),
         settings=settings,
-        grain=_grain(draws, size, baud),
+        grain=_grain(draws, protocol, size, baud),
         cnc_window=_cnc_window(draws, protocol, settings, size, direction),
         window=_wide_window(draws, protocol, baud, size, direction, path),
         late=draws.choice((0, 0, 1, 15)) * MILLISECOND,
@@ -246,10 +251,12 @@ def _baud(draws: Draws, protocol: str, size: int) -> int:
     return rate
 
 
-def _grain(draws: Draws, size: int, baud: int) -> int:
-    """What the control's UART tells at once; on a slow line the control looks before so much has come."""
+def _grain(draws: Draws, protocol: str, size: int, baud: int) -> int:
+    """What the control's UART tells at once; on a slow line the control looks before so much has come, and always
+    before its buffer is full from the level on where it says stop.
+    """
     grain = draws.choice((1, 8, 16, 32, 64, 128, 128) if size < SMALL_BYTES else (16, 64, 128, 128))
-    return min(grain, max(1, LOOKED_AT // character_time(baud)))
+    return min(grain, _MOST_GRAIN.get(protocol, grain), max(1, LOOKED_AT // character_time(baud)))
 
 
 def _cnc_window(draws: Draws, protocol: str, settings: Settings, size: int, direction: Direction) -> int:

@@ -292,6 +292,7 @@ class Trial:
             attempt=evidence.attempts[-1] if evidence.attempts else None,
             said=last_codes(bytes(evidence.cnc.sent), evidence.host.codes),
             heard=evidence.host.last_codes,
+            last_place=len(evidence.cnc.sent),
             moving=self.pair.control.moving,
         )
         evidence.waits.append(wait)

@@ -13,6 +13,7 @@ from typing import Final
 from tapewire.codes import EOR_CODES
 from tapewire.engine import Nanos, Outcome
 from tapewire.line.faults.plan import Wire
+from tapewire.line.pacing import character_time
 from tapewire.protocols.fanuc_a.packets import packet_bytes
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
 from tapewire.sim.frames import cancelled_sums, ends_with_stop, forged_records, rest_fits, text_of
@@ -29,6 +30,9 @@ def first_difference(got: bytes, program: bytes) -> int | None:
 
 
 _BRIDGEPORT_NAME: Final = frozenset(b"0123456789;LD")
+
+_NAME_CHARACTERS: Final = 24
+"""DC2, its answer, a name, DC4 and DC1 on the line, and what a serial server adds to them."""
 
 _STALLS: Final = frozenset({Act.STALL.value, "clock step: host"})
 
@@ -128,6 +132,8 @@ class Excuses:
             return self._content_a(attempt, wrong)
         if self._linked and self._sends:
             return self._content_linked(attempt)
+        if self._codes_as_text(attempt):
+            return _FORGED
         damage = self._program_damage(attempt, wrong)
         faithful = not self._sends or self._host_is_faithful(attempt, wrong)
         if damage is None or not faithful or not self._receiver_is_faithful(attempt, got):
@@ -233,9 +239,26 @@ class Excuses:
     def more(self, attempts: list[Attempt], surplus: int) -> str:
         """`surplus` characters more are with the control than were handed over. It reads on when its host has ended."""
         attempt = max(attempts, key=lambda attempt: attempt.got)
+        if 0 < surplus <= self._codes_as_text(attempt):
+            return _FORGED
         damages = [damage for damage in self._unseen(Wire.FROM_HOST) if self._while_read(damage.moment, attempt)]
-        made = sum(max(0, len(damage.plain) - len(damage.sent)) for damage in damages)
-        return "doubled character" if not self._is_a and surplus <= made else ""
+        makers = [damage for damage in damages if len(damage.plain) > len(damage.sent)]
+        made = sum(len(damage.plain) - len(damage.sent) for damage in makers)
+        return makers[0].name if not self._is_a and 0 < surplus <= made else ""
+
+    def _codes_as_text(self, attempt: Attempt) -> int:
+        """Bridgeport: so many codes of the host are all that was taken beside the program. It answered what the control
+        had not said, and the control waited for text.
+        """
+        if self._is_a or self._is_b or not self._sends:
+            return 0
+        got, hit = bytes(attempt.delivered), self._unseen(Wire.FROM_CONTROL)
+        forged = any(
+            self._codes.all & (set(damage.sent) | set(damage.plain)) and self._while_read(damage.moment, attempt)
+            for damage in hit
+        )
+        whole = text_of(self._evidence.program).startswith(text_of(got))
+        return len(got) - len(text_of(got)) if forged and whole else 0
 
     def _while_read(self, moment: Nanos, attempt: Attempt) -> bool:
         """The control was in this reading."""
@@ -292,8 +315,10 @@ class Excuses:
             return "the end of a reading whose cable was pulled, and ER unseen"
         if self._is_b and self._looks_like_a_stop(wait):
             return "a reset that looks like a stop: no posting, and ER unseen"
-        if wait.said != wait.heard and self._touched(job):
+        if (wait.said != wait.heard and self._touched(job)) or self._last_was_hit(wait):
             return "a control code lost, damaged or forged"
+        if self._name_was_hit(wait):
+            return "a program name that came damaged"
         if self._is_b and self._sends and wait.attempt is not None:
             return self._eor_came_otherwise(wait.attempt)
         return ""
@@ -318,6 +343,20 @@ class Excuses:
     def _alarms(self) -> list[Nanos]:
         """Those of the CNC itself."""
         return [moment for moment, what in self._evidence.acts if what == Act.ALARM.value]
+
+    def _last_was_hit(self, wait: Wait) -> bool:
+        """One ACK of many looks like another: what the control said last of all is what its host waits for."""
+        ends = [damage.place + len(damage.sent) - 1 for damage in self._evidence.on(Wire.FROM_CONTROL) if damage.place]
+        return wait.last_place in ends and not self._is_a
+
+    def _name_was_hit(self, wait: Wait) -> bool:
+        """Bridgeport: a damaged name is no name, so nothing is sent until the operator asks again."""
+        attempt, evidence = wait.attempt, self._evidence
+        if self._is_a or self._is_b or not self._sends or attempt is None:
+            return False
+        said_by = attempt.began + _NAME_CHARACTERS * character_time(self._scenario.baud)
+        hit = any(attempt.began <= damage.moment <= said_by for damage in evidence.on(Wire.FROM_CONTROL))
+        return hit and not text_of(bytes(evidence.host.sent[attempt.place :]))
 
     def _touched(self, job: Job) -> bool:
         """Something happened to what the control says, marked or not."""
