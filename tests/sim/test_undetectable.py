@@ -220,3 +220,12 @@ def test_a_name_that_came_damaged_gets_nothing(after_ms: int, sent: bytes, excus
     evidence.host.sent[:] = sent
     wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"\x11", heard=b"\x11")
     assert bool(excuses.waiting("host", wait)) is excused
+
+
+@pytest.mark.parametrize(("lost", "excused"), [(b"\x11 31\r", True), (b"\x13 33\r", False)])
+def test_a_control_that_left_after_its_dc1_was_lost(lost: bytes, excused: bool) -> None:
+    evidence, excuses = case("fanuc-a-expansion", wire=Wire.FROM_CONTROL, sent=lost, arrived=())
+    evidence.host.brought += b"\x13 33\r"
+    evidence.control_ends.append((15 * SECOND, Outcome.FAILED))
+    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"")
+    assert bool(excuses.waiting("host", wait)) is excused

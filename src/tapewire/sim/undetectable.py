@@ -34,6 +34,9 @@ _BRIDGEPORT_NAME: Final = frozenset(b"0123456789;LD")
 _NAME_CHARACTERS: Final = 24
 """DC2, its answer, a name, DC4 and DC1 on the line, and what a serial server adds to them."""
 
+_LETS_GO: Final = frozenset(b"\x11\x15\x18")
+"""DC1, NAK, CAN: what a host that is held by DC3 obeys (5.3)."""
+
 _STALLS: Final = frozenset({Act.STALL.value, "clock step: host"})
 
 _FORGED: Final = "a control code lost or forged"
@@ -383,7 +386,9 @@ class Excuses:
     def _left_while_holding(self, job: Job) -> str:
         """5.3 3): a host that was told to wait waits for the next monitor packet, and an open line says nothing."""
         held = self._n and ends_with_stop(bytes(self._evidence.host.brought))
-        if held and self._control_ended(job, Outcome.FAILED) and self._evidence.on(Wire.FROM_HOST):
+        unheard = [damage for damage in self._evidence.on(Wire.FROM_CONTROL) if _LETS_GO & set(damage.sent)]
+        why = self._evidence.on(Wire.FROM_HOST) or any(self._in_time(damage.moment, job) for damage in unheard)
+        if held and self._control_ended(job, Outcome.FAILED) and why:
             return "a control that gave up the line while it held the host"
         return ""
 
