@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import socket
+import stat
 import subprocess
 import sys
 import tempfile
@@ -12,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.helpers import Finished, Shop, invoke, program
+from tests.cli.helpers import Finished, Shop, invoke, printed, program
 
 NOWHERE = ("--line", "socket://127.0.0.1:9", "--protocol", "fanuc-b", "--json")
 LISTEN = ("--line", "listen://127.0.0.1:0", "--protocol", "fanuc-b", "--json")
@@ -235,3 +236,20 @@ def test_an_output_whose_reader_has_gone(shop: Shop) -> None:
         assert run.returncode == (2 if "nowhere" in words else 1)
         assert "Traceback" not in run.stderr
         assert "BrokenPipe" not in run.stderr
+
+
+def test_force_replaces_no_device(tmp_path: Path) -> None:
+    """A FIFO stands for any of them: whoever may write to /dev may put a file in the place of /dev/null."""
+    program_file, out = tmp_path / "in.nc", tmp_path / "device"
+    program_file.write_bytes(b"%\nO1\nG91G01X1.F100\nM30\n%\n")
+    os.mkfifo(out)
+    commands = (
+        ("receive", out, "--line", tmp_path / "none", "--protocol", "fanuc-b", "--force"),
+        ("convert", program_file, out, "--to", "iso", "--force"),
+        ("g05", "encode", program_file, out, "--force"),
+    )
+    for words in commands:
+        finished = printed(*words)
+        assert finished.status == 2, finished.stderr
+        assert "is no file and is not replaced" in finished.stderr
+        assert stat.S_ISFIFO(out.lstat().st_mode)

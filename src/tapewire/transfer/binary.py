@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from tapewire.g05.reading import sections_of
 from tapewire.g05.records import Records, encode
 from tapewire.g05.table import read_csv, read_npz
 from tapewire.nc.reader import NcReader, Reading
-from tapewire.transfer.files import StoredFile, open_part, why
+from tapewire.transfer.files import StoredFile, check_name, open_part, why
 
 __all__ = ["Decoded", "Encoded", "Encoding", "Source", "check_file", "decode_file", "encode_file"]
 
@@ -363,10 +362,7 @@ def _reading(path: Path) -> Iterator[IO[bytes]]:
 @contextmanager
 def _writing(out: Path, force: bool) -> Iterator[StoredFile]:
     """A file that gets its name when all of it is there."""
-    if out.is_dir():
-        raise UsageError(f"{out} is a folder: name a file in it")
-    if os.path.lexists(out) and not force:
-        raise UsageError(f"{out} exists; name another file, or say --force to replace it")
+    check_name(out, force=force)
     part_path = out.with_name(out.name + ".part")
     part = open_part(part_path)
     try:

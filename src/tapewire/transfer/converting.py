@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ from tapewire.errors import ProgramError, UsageError
 from tapewire.fanuc.conversion import Conversion, EobForm, convert, read_text
 from tapewire.fanuc.headers import HeaderReader
 from tapewire.fanuc.tv_check import Comments, TvCheck, TvFailure
-from tapewire.transfer.files import open_part, why
+from tapewire.transfer.files import check_name, open_part, why
 
 __all__ = ["Converted", "TapeReport", "convert_file", "inspect_tape", "recognise_file"]
 
@@ -75,10 +74,7 @@ def convert_file(
     column for what cannot be converted, UsageError for a file that cannot be read or written, or that exists
     without `force`.
     """
-    if out.is_dir():
-        raise UsageError(f"{out} is a folder: name a file in it")
-    if os.path.lexists(out) and not force:
-        raise UsageError(f"{out} exists; name another file, or say --force to replace it")
+    check_name(out, force=force)
     recognition = recognise_file(path, signs) if source is None else None
     code = source if recognition is None else recognition.code
     if code is None:

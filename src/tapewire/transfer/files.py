@@ -13,10 +13,25 @@ from typing import Final
 
 from tapewire.errors import UsageError
 
-__all__ = ["StoredFile", "open_part", "open_save", "why"]
+__all__ = ["StoredFile", "check_name", "open_part", "open_save", "why"]
 
 _FLAGS: Final = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY
 """Without O_NONBLOCK a FIFO that nobody reads would hold the command for ever."""
+
+
+def check_name(path: Path, *, force: bool) -> None:
+    """Raises UsageError for a name that a file could not be given when it is complete. `force` replaces a file or a
+    link, and never a device: /dev/null would be an ordinary file from then on.
+    """
+    if path.is_dir():
+        raise UsageError(f"{path} is a folder: name a file in it")
+    if not os.path.lexists(path):
+        return
+    if not force:
+        raise UsageError(f"{path} exists; name another file, or say --force to replace it")
+    mode = path.lstat().st_mode
+    if not (stat.S_ISREG(mode) or stat.S_ISLNK(mode)):
+        raise UsageError(f"{path} is no file and is not replaced: name another")
 
 
 def open_part(path: Path) -> StoredFile:

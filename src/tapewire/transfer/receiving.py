@@ -20,7 +20,7 @@ from tapewire.line.driver import monotonic
 from tapewire.line.transport import Transport
 from tapewire.protocols.bridgeport.host_arming import Policy
 from tapewire.protocols.text_rules import TextRules
-from tapewire.transfer.files import open_part, why
+from tapewire.transfer.files import check_name, open_part, why
 from tapewire.transfer.folder import ProgramFolder
 from tapewire.transfer.numbered import numbered_host
 from tapewire.transfer.reports import Result
@@ -158,14 +158,6 @@ def _verdict(ended: Ended, store: _Store, backlog: _Backlog) -> tuple[Outcome, s
     return ended.outcome, ended.reason
 
 
-def _check_name(path: Path, force: bool) -> None:
-    """Raises UsageError for a name that the program could not be given when it is complete."""
-    if os.path.isdir(path):
-        raise UsageError(f"{path} is a directory: name a file in it")
-    if os.path.lexists(path) and not force:
-        raise UsageError(f"{path} exists; name another file, or say --force to replace it")
-
-
 class _Backlog:
     """Pauses the punch-out while too much waits for the disk. A Link's application."""
 
@@ -200,7 +192,7 @@ class _Store:
     """A sink that a thread empties into a file, so that a slow disk never stops the line's loop."""
 
     def __init__(self, path: Path, text: TextRules | None, force: bool) -> None:
-        _check_name(path, force)
+        check_name(path, force=force)
         self.path = path
         self.part = path.parent / (path.name + ".part")
         self.error: Exception | None = None
