@@ -23,7 +23,7 @@ def check_name(path: Path, *, force: bool) -> None:
     """Raises UsageError for a name that a file could not be given when it is complete. `force` replaces a file or a
     link, and never a device: /dev/null would be an ordinary file from then on.
     """
-    if path.is_dir():
+    if os.path.isdir(path):  # which a name that is too long does not trouble
         raise UsageError(f"{path} is a folder: name a file in it")
     if not os.path.lexists(path):
         return
