@@ -348,9 +348,14 @@ class CommandLine(Line):
             self.chance.choice(self.presets), *words,
             stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.DEVNULL,
         )  # fmt: skip
-        ready = await asyncio.wait_for(self._event("ready"), ANSWER_LIMIT_S)
-        if "line" not in ready:
-            raise RuntimeError(f"tapewire cnc: {ready}")
+        try:
+            ready = await asyncio.wait_for(self._event("ready"), ANSWER_LIMIT_S)
+            if "line" not in ready:
+                raise RuntimeError(f"tapewire cnc: {ready}")
+        except BaseException:
+            await self._end_after(0.0, self._process.kill)
+            await self._process.wait()
+            raise
         self._rest = asyncio.create_task(self._event("end"))
         return str(ready["line"]).replace("rfc2217+listen", "rfc2217").replace("listen", "socket")
 
