@@ -46,6 +46,7 @@ __all__ = [
     "ControlTask",
     "Operation",
     "Taken",
+    "block_time_for",
     "board_of",
     "faulty",
     "flow_for",
