@@ -169,6 +169,8 @@ class Wait:
     """Of all characters that the control had said, counted from 1."""
     moving: bool = False
     """The control was in the middle of a block."""
+    brought: int | None = None
+    """Characters that had come to the host; None: all that ever came."""
 
 
 @dataclass(slots=True)

@@ -294,6 +294,7 @@ class Trial:
             heard=evidence.host.last_codes,
             last_place=len(evidence.cnc.sent),
             moving=self.pair.control.moving,
+            brought=len(evidence.host.brought),
         )
         evidence.waits.append(wait)
         if not self.pair.cnc_side.off:

@@ -114,11 +114,15 @@ class Excuses:
 
     def _host_is_faithful(self, attempt: Attempt, wrong: int) -> bool:
         """What it handed over from the start of the attempt on is the program, as far as that matters."""
-        later = [other.place for other in self._evidence.attempts if other.began > attempt.began]
-        sent = text_of(bytes(self._evidence.host.sent[attempt.place : min(later, default=None)]))
+        sent = text_of(self._handed_over(attempt))
         program = text_of(self._evidence.program)
         differs = first_difference(sent[: len(program)], program)
         return differs is None or differs > wrong + self._frame
+
+    def _handed_over(self, attempt: Attempt) -> bytes:
+        """By the host, until the next attempt began."""
+        later = [other.place for other in self._evidence.attempts if other.began > attempt.began]
+        return bytes(self._evidence.host.sent[attempt.place : min(later, default=None)])
 
     def _receiver_is_faithful(self, attempt: Attempt, got: bytes) -> bool:
         """What came out of it had come in."""
@@ -306,7 +310,7 @@ class Excuses:
     def _lost_the_thread(self, wait: Wait) -> str:
         job = wait.job
         if self._is_a:
-            return self._left_while_holding(job)
+            return self._left_while_holding(wait)
         if dark := self._dark_control(job):
             return dark
         if self._is_b and self._is_silent_alarm(job):
@@ -359,7 +363,7 @@ class Excuses:
             return False
         said_by = attempt.began + _NAME_CHARACTERS * character_time(self._scenario.baud)
         hit = any(attempt.began <= damage.moment <= said_by for damage in evidence.on(Wire.FROM_CONTROL))
-        return hit and not text_of(bytes(evidence.host.sent[attempt.place :]))
+        return hit and not text_of(self._handed_over(attempt))
 
     def _touched(self, job: Job) -> bool:
         """Something happened to what the control says, marked or not."""
@@ -383,20 +387,21 @@ class Excuses:
         ended = self._control_ended(wait.job, Outcome.FAILED, Outcome.CANCELLED)
         return blind and ended and wait.heard.endswith(_DC3)
 
-    def _left_while_holding(self, job: Job) -> str:
+    def _left_while_holding(self, wait: Wait) -> str:
         """5.3 3): a host that was told to wait waits for the next monitor packet, and an open line says nothing."""
-        held = self._n and ends_with_stop(bytes(self._evidence.host.brought))
+        held = self._n and ends_with_stop(bytes(self._evidence.host.brought[: wait.brought]))
         unheard = [damage for damage in self._evidence.on(Wire.FROM_CONTROL) if _LETS_GO & set(damage.sent)]
-        why = self._evidence.on(Wire.FROM_HOST) or any(self._in_time(damage.moment, job) for damage in unheard)
-        if held and self._control_ended(job, Outcome.FAILED) and why:
+        hit = self._evidence.on(Wire.FROM_HOST) + unheard
+        why = any(self._in_time(damage.moment, wait.job) for damage in hit)
+        if held and self._control_ended(wait.job, Outcome.FAILED) and why:
             return "a control that gave up the line while it held the host"
         return ""
 
     def _eor_came_otherwise(self, attempt: Attempt) -> str:
         """The control stopped before the end of the program, or reads on behind it."""
         eor, got = EOR_CODES[self._scenario.settings.data], bytes(attempt.delivered)
-        handed_over = len(self._evidence.host.sent) - attempt.place >= len(self._evidence.program)
-        reads_on = handed_over and not (got[1:] and got[-1] in eor)
+        all_sent = len(self._handed_over(attempt)) >= len(self._evidence.program)
+        reads_on = all_sent and not (got[1:] and got[-1] in eor)
         stopped = len(got) < len(self._evidence.program) and got[-1:] != b"" and got[-1] in eor
         for damage in self._unseen(Wire.FROM_HOST):
             lost, forged = frozenset(eor) & frozenset(damage.sent), frozenset(eor) & frozenset(damage.plain)
