@@ -216,6 +216,29 @@ def test_the_last_of_many_like_codes_was_lost(last: int, excused: bool) -> None:
 
 
 @pytest.mark.parametrize(
+    ("before", "record", "lost", "excused"),
+    [
+        (b"\x11", b"M2\r\n\x17\x33", 6, True),
+        (b"\x11", b"M2\r\n\x17\x33", 5, False),
+        (b"\x11M2\r\n\x17\x33", b"\x17\x17", 2, True),
+        (b"\x11M2\r\n\x17\x33", b"\x17\x17", 1, False),
+        (b"\x11M2\r\n\x17\x33", b"M2\r\n", 4, False),
+        (b"\x11", b"M2\r\n\x17\x33\x04", 7, True),
+        (b"\x11", b"M2\r\n\x17\x33", 0, False),
+    ],
+)
+def test_a_record_of_which_nothing_came(before: bytes, record: bytes, lost: int, excused: bool) -> None:
+    evidence, excuses = case("bridgeport", place=1, sent=b"\x11", arrived=(b"\x11\x11",))
+    evidence.host.sent[:] = sent = before + record
+    job, attempt = evidence.jobs[0], evidence.attempts[0]
+    if lost:
+        place = len(sent) - lost + 1
+        evidence.damages.append(Damage(15 * SECOND, "pulled cable", Wire.FROM_HOST, place, sent[-lost:], ()))
+    wait = Wait(who=("host", "control"), job=job, attempt=attempt, said=b"\x06", heard=b"\x06")
+    assert bool(excuses.waiting("host", wait)) is excused
+
+
+@pytest.mark.parametrize(
     ("after_ms", "sent", "excused"), [(5, b"\x11", True), (5, b"N1", False), (5000, b"\x11", False)]
 )
 def test_a_name_that_came_damaged_gets_nothing(after_ms: int, sent: bytes, excused: bool) -> None:

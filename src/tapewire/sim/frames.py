@@ -8,7 +8,16 @@ from __future__ import annotations
 from itertools import accumulate
 from typing import Final
 
-__all__ = ["LAST_CODES", "cancelled_sums", "ends_with_stop", "forged_records", "last_codes", "rest_fits", "text_of"]
+__all__ = [
+    "LAST_CODES",
+    "cancelled_sums",
+    "ends_record",
+    "ends_with_stop",
+    "forged_records",
+    "last_codes",
+    "rest_fits",
+    "text_of",
+]
 
 _HEX: Final = {bytes((digit,)): value for value, digit in enumerate(b"0123456789ABCDEF")}
 _LRC_XOR_BITS: Final = 0x7F
@@ -61,6 +70,11 @@ def forged_records(sent: bytes, brought: bytes, lrc: str, ends: frozenset[int]) 
             if right and brought[start : end + 2] not in sent:
                 return True
     return False
+
+
+def ends_record(sent: bytes, ends: frozenset[int]) -> bool:
+    """Its last character is the check character of a record (2.2), or an end code right behind that."""
+    return any(sent[at] & 0x7F in ends for at in (-2, -3) if len(sent) >= -at)
 
 
 def rest_fits(brought: bytes, taken: bytes, lrc: str, ends: frozenset[int]) -> bool:

@@ -16,7 +16,7 @@ from tapewire.line.faults.plan import Wire
 from tapewire.line.pacing import character_time
 from tapewire.protocols.fanuc_a.packets import packet_bytes
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
-from tapewire.sim.frames import cancelled_sums, ends_with_stop, forged_records, rest_fits, text_of
+from tapewire.sim.frames import cancelled_sums, ends_record, ends_with_stop, forged_records, rest_fits, text_of
 from tapewire.sim.scenarios import Act, Direction, Scenario
 
 __all__ = ["SILENT_ALARM", "Excuses", "first_difference"]
@@ -320,6 +320,8 @@ class Excuses:
             return "a reset that looks like a stop: no posting, and ER unseen"
         if (wait.said != wait.heard and self._touched(job)) or self._last_was_hit(wait):
             return "a control code lost, damaged or forged"
+        if self._record_never_came(wait):
+            return "a record of which nothing came"
         if self._name_was_hit(wait):
             return "a program name that came damaged"
         if self._is_b and self._sends and wait.attempt is not None:
@@ -351,6 +353,20 @@ class Excuses:
         """One ACK of many looks like another: what the control said last of all is what its host waits for."""
         ends = [damage.place + len(damage.sent) - 1 for damage in self._evidence.on(Wire.FROM_CONTROL) if damage.place]
         return wait.last_place in ends and not self._is_a
+
+    def _record_never_came(self, wait: Wait) -> bool:
+        """DNC LINK: what did not even begin cannot be refused, and 4.2 sets no time in which it must begin."""
+        attempt, sent = wait.attempt, bytes(self._evidence.host.sent)
+        if not self._linked or not self._sends or attempt is None:
+            return False
+        begins = len(sent)
+        for damage in reversed(self._evidence.on(Wire.FROM_HOST)):
+            if damage.arrived or damage.place + len(damage.sent) - 1 != begins:
+                break
+            begins = damage.place - 1
+        ends = self._codes.record_ends
+        first = not text_of(sent[attempt.place : begins])
+        return (first or ends_record(sent[:begins], ends)) and ends_record(sent[begins:], ends)
 
     def _name_was_hit(self, wait: Wait) -> bool:
         """Bridgeport: a damaged name is no name, so nothing is sent until the operator asks again."""
