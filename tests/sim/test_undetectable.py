@@ -155,15 +155,18 @@ def test_the_end_of_a_reading_whose_cable_was_pulled(pulled: int, said: bytes, e
 
 def test_a_control_that_left_while_it_held_its_host() -> None:
     evidence, excuses = case("fanuc-a-expansion", place=0, sent=b"", arrived=(Fault(fault=LineFault.BREAK),))
-    evidence.host.brought += b"\x13 33\r"
-    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"")
+    noise = b"\x15\x11 "
+    evidence.host.brought += b"\x11 31\r\x13 33\r" + noise
+    brought = len(evidence.host.brought)
+    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"", brought=brought)
     assert excuses.waiting("host", wait) == "", "it has not left"
     evidence.control_ends.append((15 * SECOND, Outcome.FAILED))
-    assert excuses.waiting("host", wait) == "a control that gave up the line while it held the host"
+    gave_up = "a control that gave up the line while it held the host"
+    assert excuses.waiting("host", wait) == gave_up
     evidence.host.brought += b"\x11 31\r"
+    assert excuses.waiting("host", wait) == gave_up, "what comes to the next job is not of this wait"
+    wait = dataclasses.replace(wait, brought=len(evidence.host.brought))
     assert excuses.waiting("host", wait) == "", "it has let go"
-    before = dataclasses.replace(wait, brought=5)
-    assert excuses.waiting("host", before) == "a control that gave up the line while it held the host"
 
 
 def test_a_damage_outside_the_job_did_not_make_the_control_give_up_the_line() -> None:
@@ -171,7 +174,7 @@ def test_a_damage_outside_the_job_did_not_make_the_control_give_up_the_line() ->
     evidence, excuses = case("fanuc-a-expansion", moment=5 * SECOND, place=0, sent=b"", arrived=(broken,))
     evidence.host.brought += b"\x13 33\r"
     evidence.control_ends.append((15 * SECOND, Outcome.FAILED))
-    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"")
+    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"", brought=5)
     assert excuses.waiting("host", wait) == ""
 
 
@@ -233,6 +236,29 @@ def test_the_last_of_many_like_codes_was_lost(last: int, excused: bool) -> None:
 
 
 @pytest.mark.parametrize(
+    ("before", "record", "lost", "excused"),
+    [
+        (b"\x11", b"M2\r\n\x17\x33", 6, True),
+        (b"\x11", b"M2\r\n\x17\x33", 5, False),
+        (b"\x11M2\r\n\x17\x33", b"\x17\x17", 2, True),
+        (b"\x11M2\r\n\x17\x33", b"\x17\x17", 1, False),
+        (b"\x11M2\r\n\x17\x33", b"M2\r\n", 4, False),
+        (b"\x11", b"M2\r\n\x17\x33\x04", 7, True),
+        (b"\x11", b"M2\r\n\x17\x33", 0, False),
+    ],
+)
+def test_a_record_of_which_nothing_came(before: bytes, record: bytes, lost: int, excused: bool) -> None:
+    evidence, excuses = case("bridgeport", place=1, sent=b"\x11", arrived=(b"\x11\x11",))
+    evidence.host.sent[:] = sent = before + record
+    job, attempt = evidence.jobs[0], evidence.attempts[0]
+    if lost:
+        place = len(sent) - lost + 1
+        evidence.damages.append(Damage(15 * SECOND, "pulled cable", Wire.FROM_HOST, place, sent[-lost:], ()))
+    wait = Wait(who=("host", "control"), job=job, attempt=attempt, said=b"\x06", heard=b"\x06")
+    assert bool(excuses.waiting("host", wait)) is excused
+
+
+@pytest.mark.parametrize(
     ("after_ms", "sent", "excused"), [(5, b"\x11", True), (5, b"N1", False), (5000, b"\x11", False)]
 )
 def test_a_name_that_came_damaged_gets_nothing(after_ms: int, sent: bytes, excused: bool) -> None:
@@ -249,5 +275,5 @@ def test_a_control_that_left_after_its_dc1_was_lost(lost: bytes, excused: bool) 
     evidence, excuses = case("fanuc-a-expansion", wire=Wire.FROM_CONTROL, sent=lost, arrived=())
     evidence.host.brought += b"\x13 33\r"
     evidence.control_ends.append((15 * SECOND, Outcome.FAILED))
-    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"")
+    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"", brought=5)
     assert bool(excuses.waiting("host", wait)) is excused

@@ -8,7 +8,16 @@ from __future__ import annotations
 from itertools import accumulate
 from typing import Final
 
-__all__ = ["LAST_CODES", "cancelled_sums", "ends_with_stop", "forged_records", "last_codes", "rest_fits", "text_of"]
+__all__ = [
+    "LAST_CODES",
+    "cancelled_sums",
+    "ends_record",
+    "ends_with_stop",
+    "forged_records",
+    "last_codes",
+    "rest_fits",
+    "text_of",
+]
 
 _HEX: Final = {bytes((digit,)): value for value, digit in enumerate(b"0123456789ABCDEF")}
 _LRC_XOR_BITS: Final = 0x7F
@@ -63,6 +72,11 @@ def forged_records(sent: bytes, brought: bytes, lrc: str, ends: frozenset[int]) 
     return False
 
 
+def ends_record(sent: bytes, ends: frozenset[int]) -> bool:
+    """Its last character is the check character of a record (2.2), or an end code right behind that."""
+    return any(sent[at] & 0x7F in ends for at in (-2, -3) if len(sent) >= -at)
+
+
 def rest_fits(brought: bytes, taken: bytes, lrc: str, ends: frozenset[int]) -> bool:
     """A record was taken that is only the rest of one: the control gave up its beginning after a silence (2.2.4)."""
     brought = bytes(byte & 0x7F for byte in brought)
@@ -109,6 +123,12 @@ def last_codes(data: bytes, codes: frozenset[int]) -> bytes:
 
 
 def ends_with_stop(brought: bytes) -> bool:
-    """The last monitor packet of expansion A is DC3 (5.3)."""
-    stop = max(brought.rfind(b"\x13 "), brought.rfind(b"\x93 "))
-    return stop > max(brought.rfind(b"\x11 "), brought.rfind(b"\x18 "), brought.rfind(b"\x15"))
+    """The last monitor packet of expansion A is DC3 (5.3), whatever noise came behind it."""
+    packets = (brought[at : at + 5] for at in range(len(brought) - 5, -1, -1))
+    return next((packet[0] & 0x7F == 0x13 for packet in packets if _is_monitor(packet)), False)
+
+
+def _is_monitor(packet: bytes) -> bool:
+    """5.3: a code, No. or filler, the sum in two digits, the end code. What the sum covers is not stated."""
+    named = packet[0] & 0x7F in b"\x11\x13\x15\x18" and packet[4] & 0x7F == 0x0D
+    return named and _digits(packet[2:4]) in (sum(packet[:2]) & 0xFF, (sum(packet[:2]) + packet[4]) & 0xFF)

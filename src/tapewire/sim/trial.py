@@ -293,8 +293,8 @@ class Trial:
             said=last_codes(bytes(evidence.cnc.sent), evidence.host.codes),
             heard=evidence.host.last_codes,
             last_place=len(evidence.cnc.sent),
-            moving=self.pair.control.moving,
             brought=len(evidence.host.brought),
+            moving=self.pair.control.moving,
         )
         evidence.waits.append(wait)
         if not self.pair.cnc_side.off:

@@ -16,7 +16,7 @@ from tapewire.line.faults.plan import Wire
 from tapewire.line.pacing import character_time
 from tapewire.protocols.fanuc_a.packets import packet_bytes
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
-from tapewire.sim.frames import cancelled_sums, ends_with_stop, forged_records, rest_fits, text_of
+from tapewire.sim.frames import cancelled_sums, ends_record, ends_with_stop, forged_records, rest_fits, text_of
 from tapewire.sim.scenarios import Act, Direction, Scenario
 
 __all__ = ["SILENT_ALARM", "Excuses", "first_difference"]
@@ -324,6 +324,8 @@ class Excuses:
             return "a reset that looks like a stop: no posting, and ER unseen"
         if (wait.said != wait.heard and self._touched(job)) or self._last_was_hit(wait):
             return "a control code lost, damaged or forged"
+        if self._record_never_came(wait):
+            return "a record of which nothing came"
         if self._name_was_hit(wait):
             return "a program name that came damaged"
         if self._is_b and self._sends and wait.attempt is not None:
@@ -355,6 +357,20 @@ class Excuses:
         """One ACK of many looks like another: what the control said last of all is what its host waits for."""
         ends = [damage.place + len(damage.sent) - 1 for damage in self._evidence.on(Wire.FROM_CONTROL) if damage.place]
         return wait.last_place in ends and not self._is_a
+
+    def _record_never_came(self, wait: Wait) -> bool:
+        """DNC LINK: what did not even begin cannot be refused, and 4.2 sets no time in which it must begin."""
+        attempt, sent = wait.attempt, bytes(self._evidence.host.sent)
+        if not self._linked or not self._sends or attempt is None:
+            return False
+        begins = len(sent)
+        for damage in reversed(self._evidence.on(Wire.FROM_HOST)):
+            if damage.arrived or damage.place + len(damage.sent) - 1 != begins:
+                break
+            begins = damage.place - 1
+        ends = self._codes.record_ends
+        first = not text_of(sent[attempt.place : begins])
+        return (first or ends_record(sent[:begins], ends)) and ends_record(sent[begins:], ends)
 
     def _name_was_hit(self, wait: Wait) -> bool:
         """Bridgeport: a damaged name is no name, so nothing is sent until the operator asks again."""
@@ -389,11 +405,11 @@ class Excuses:
 
     def _left_while_holding(self, wait: Wait) -> str:
         """5.3 3): a host that was told to wait waits for the next monitor packet, and an open line says nothing."""
+        job = wait.job
         held = self._n and ends_with_stop(bytes(self._evidence.host.brought[: wait.brought]))
         unheard = [damage for damage in self._evidence.on(Wire.FROM_CONTROL) if _LETS_GO & set(damage.sent)]
-        hit = self._evidence.on(Wire.FROM_HOST) + unheard
-        why = any(self._in_time(damage.moment, wait.job) for damage in hit)
-        if held and self._control_ended(wait.job, Outcome.FAILED) and why:
+        why = any(self._in_time(hit.moment, job) for hit in self._evidence.on(Wire.FROM_HOST) + unheard)
+        if held and self._control_ended(job, Outcome.FAILED) and why:
             return "a control that gave up the line while it held the host"
         return ""
 

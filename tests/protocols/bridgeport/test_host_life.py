@@ -135,6 +135,33 @@ def test_a_new_transaction_before_the_end_code_has_left_does_not() -> None:
     assert rig.end.outcome is Outcome.FAILED
 
 
+@pytest.mark.parametrize(("mode", "low", "high"), [(b"L", 0, 5), (b"D", 11, 18)])
+def test_what_a_new_transaction_interrupts_is_told_as_of_any_other_job(mode: bytes, low: int, high: int) -> None:
+    """Seven characters are under way when DC2 comes, and two of them are called back; DNC LINK counts them all."""
+    rig = Rig(b"".join(LINES), record_bytes="12").name(b"1;" + mode)
+    rig.hear(DC1)
+    if low:
+        rig.take(low + 2)
+        rig.hear(ACK)
+    assert len(rig.hand_over(7)) == 7
+    rig.host.receive_data(DC2, rig.now)
+    rig.settle(recalled=2)
+    assert rig.end is not None
+    assert (rig.end.bytes_low, rig.end.bytes_high) == (low, high)
+
+
+def test_what_is_stored_counts_where_the_control_begins_anew_under_a_pause() -> None:
+    rig, sink = Rig(None), BytesIO()
+    rig.host.receive(sink, 0)
+    rig.say(DC2)
+    rig.say(b"N10 G01 X10.\r\n" * 8)
+    rig.host.hold_reception(rig.now)
+    assert rig.hand_over() == DC3
+    rig.hear(DC2)
+    assert rig.end is not None
+    assert rig.end.bytes_low == len(sink.getvalue()) > 0
+
+
 # what is not of the text: giving up, the line, damaged characters
 
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 from tapewire.engine import (
@@ -43,6 +44,31 @@ LIBRARY_POLL: Final[Nanos] = SECOND
 AGAIN: Final = "cancel the transfer at the control before anything else is sent to it"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Ending:
+    """A job that is over while what was on its way is called back, and all that tells how much of it arrived.
+
+    It is put aside, since the control may begin another transaction before that is known.
+    """
+
+    outcome: Outcome
+    reason: str
+    progress: int
+    transmission: Transmission | None
+    delivery: Delivery
+    certain: int
+
+    def delivered(self) -> tuple[int, int]:
+        """Bytes the control has for certain, and at most; of a program from the control, what is stored."""
+        transmission = self.transmission
+        if self.outcome is Outcome.COMPLETE or transmission is None:
+            return self.progress, self.progress
+        if transmission.proven is not None:
+            return transmission.proven, transmission.position
+        high = min(transmission.position, self.delivery.sent)
+        return min(self.certain, high), high
+
+
 class Job:
     """At most one job at a time, and the dialogue's state."""
 
@@ -62,7 +88,7 @@ class Job:
         self._ended_at: Nanos | None = None
         self._delivery = Delivery()
         self._certain = 0
-        self._ending: tuple[Outcome, str] | None = None
+        self._ending: _Ending | None = None
         self._tail_verdict: tuple[Outcome, str] | None = None
         self._recall = False
 
@@ -296,7 +322,14 @@ class Job:
             return
         if self._arming is not None and self._arming.policy is Policy.ONCE:
             self._arming = None
-        self._ending = outcome, reason
+        self._ending = _Ending(
+            outcome=outcome,
+            reason=reason,
+            progress=self.progress,
+            transmission=self._transmission,
+            delivery=self._delivery,
+            certain=self._certain,
+        )
         self._recall = outcome is not Outcome.COMPLETE and self._delivery.in_flight > 0
         if not self._recall:
             self._finish()
@@ -312,21 +345,10 @@ class Job:
         """Say how the job ended, once it is known what could be called back."""
         if self._ending is None:
             return
-        outcome, reason = self._ending
-        self._ending = None
+        ending, self._ending = self._ending, None
         self._recall = False
-        low, high = self._delivered() if outcome is not Outcome.COMPLETE else (self.progress, self.progress)
-        self._events.put(Ended(outcome=outcome, reason=reason, bytes_low=low, bytes_high=high))
-
-    def _delivered(self) -> tuple[int, int]:
-        """Bytes the control has for certain, and at most."""
-        transmission = self._transmission
-        if transmission is None:
-            return self.progress, self.progress
-        if transmission.proven is not None:
-            return transmission.proven, transmission.position
-        high = min(transmission.position, self._delivery.sent)
-        return min(self._certain, high), high
+        low, high = ending.delivered()
+        self._events.put(Ended(outcome=ending.outcome, reason=ending.reason, bytes_low=low, bytes_high=high))
 
 
 def _called(name: Name | None) -> str:
