@@ -277,3 +277,37 @@ def test_a_control_that_left_after_its_dc1_was_lost(lost: bytes, excused: bool) 
     evidence.control_ends.append((15 * SECOND, Outcome.FAILED))
     wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"", brought=5)
     assert bool(excuses.waiting("host", wait)) is excused
+
+
+@pytest.mark.parametrize(
+    ("told", "arrived", "excused"),
+    [(2, (b"\x12",), True), (2, (), True), (3, (b"\x12",), False), (2, (b"\x11",), False)],
+)
+def test_the_code_that_resumes_a_punch_out_came_otherwise(told: int, arrived: tuple[bytes, ...], excused: bool) -> None:
+    """It is the last one that the host said, and nobody says it again."""
+    evidence, _ = case(place=2, sent=b"\x11", arrived=arrived)
+    scenario = dataclasses.replace(draw("fanuc-b", "clean", 1), direction=Direction.RECEIVE)
+    wait = Wait(who=("host", "control"), job=evidence.jobs[0], attempt=None, said=b"\x12", heard=b"\x12", told=told)
+    assert bool(Excuses(scenario, evidence).waiting("host", wait)) is excused
+
+
+@pytest.mark.parametrize(
+    ("posting", "missing", "outcome", "excused"),
+    [
+        ("off", 1, Outcome.FAILED, True),
+        ("off", 10, Outcome.CANCELLED, True),
+        ("off", 1, Outcome.COMPLETE, False),
+        ("on", 1, Outcome.FAILED, False),
+        ("off", 11, Outcome.FAILED, False),
+    ],
+)
+def test_an_alarm_with_the_last_characters_says_the_same_as_the_end(
+    posting: str, missing: int, outcome: Outcome, excused: bool
+) -> None:
+    """6.1.1 1) (7), 6.4 (1): one DC3. Ten characters at 1200 baud take 92 ms."""
+    evidence, excuses = case(host={"posting": posting})
+    excuses._scenario = dataclasses.replace(excuses._scenario, baud=1200)
+    evidence.jobs[0].complete = True
+    evidence.attempts[0].got -= missing
+    evidence.control_ends.append((15 * SECOND, outcome))
+    assert bool(excuses.short(evidence.attempts[0], evidence.jobs[0])) is excused
