@@ -155,12 +155,17 @@ def test_the_end_of_a_reading_whose_cable_was_pulled(pulled: int, said: bytes, e
 
 def test_a_control_that_left_while_it_held_its_host() -> None:
     evidence, excuses = case("fanuc-a-expansion", place=0, sent=b"", arrived=(Fault(fault=LineFault.BREAK),))
-    evidence.host.brought += b"\x13 33\r"
-    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"")
+    noise = b"\x15\x11 "
+    evidence.host.brought += b"\x11 31\r\x13 33\r" + noise
+    brought = len(evidence.host.brought)
+    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"", brought=brought)
     assert excuses.waiting("host", wait) == "", "it has not left"
     evidence.control_ends.append((15 * SECOND, Outcome.FAILED))
-    assert excuses.waiting("host", wait) == "a control that gave up the line while it held the host"
+    gave_up = "a control that gave up the line while it held the host"
+    assert excuses.waiting("host", wait) == gave_up
     evidence.host.brought += b"\x11 31\r"
+    assert excuses.waiting("host", wait) == gave_up, "what comes to the next job is not of this wait"
+    wait = dataclasses.replace(wait, brought=len(evidence.host.brought))
     assert excuses.waiting("host", wait) == "", "it has let go"
 
 
@@ -250,5 +255,5 @@ def test_a_control_that_left_after_its_dc1_was_lost(lost: bytes, excused: bool) 
     evidence, excuses = case("fanuc-a-expansion", wire=Wire.FROM_CONTROL, sent=lost, arrived=())
     evidence.host.brought += b"\x13 33\r"
     evidence.control_ends.append((15 * SECOND, Outcome.FAILED))
-    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"")
+    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"", brought=5)
     assert bool(excuses.waiting("host", wait)) is excused

@@ -167,6 +167,8 @@ class Wait:
     """and the last ones that had come to the host unmarked."""
     last_place: int = 0
     """Of all characters that the control had said, counted from 1."""
+    brought: int = 0
+    """Characters that had been brought to the host."""
     moving: bool = False
     """The control was in the middle of a block."""
 

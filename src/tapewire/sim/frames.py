@@ -123,6 +123,12 @@ def last_codes(data: bytes, codes: frozenset[int]) -> bytes:
 
 
 def ends_with_stop(brought: bytes) -> bool:
-    """The last monitor packet of expansion A is DC3 (5.3)."""
-    stop = max(brought.rfind(b"\x13 "), brought.rfind(b"\x93 "))
-    return stop > max(brought.rfind(b"\x11 "), brought.rfind(b"\x18 "), brought.rfind(b"\x15"))
+    """The last monitor packet of expansion A is DC3 (5.3), whatever noise came behind it."""
+    packets = (brought[at : at + 5] for at in range(len(brought) - 5, -1, -1))
+    return next((packet[0] & 0x7F == 0x13 for packet in packets if _is_monitor(packet)), False)
+
+
+def _is_monitor(packet: bytes) -> bool:
+    """5.3: a code, No. or filler, the sum in two digits, the end code. What the sum covers is not stated."""
+    named = packet[0] & 0x7F in b"\x11\x13\x15\x18" and packet[4] & 0x7F == 0x0D
+    return named and _digits(packet[2:4]) in (sum(packet[:2]) & 0xFF, (sum(packet[:2]) + packet[4]) & 0xFF)

@@ -293,6 +293,7 @@ class Trial:
             said=last_codes(bytes(evidence.cnc.sent), evidence.host.codes),
             heard=evidence.host.last_codes,
             last_place=len(evidence.cnc.sent),
+            brought=len(evidence.host.brought),
             moving=self.pair.control.moving,
         )
         evidence.waits.append(wait)

@@ -306,7 +306,7 @@ class Excuses:
     def _lost_the_thread(self, wait: Wait) -> str:
         job = wait.job
         if self._is_a:
-            return self._left_while_holding(job)
+            return self._left_while_holding(wait)
         if dark := self._dark_control(job):
             return dark
         if self._is_b and self._is_silent_alarm(job):
@@ -399,11 +399,12 @@ class Excuses:
         ended = self._control_ended(wait.job, Outcome.FAILED, Outcome.CANCELLED)
         return blind and ended and wait.heard.endswith(_DC3)
 
-    def _left_while_holding(self, job: Job) -> str:
+    def _left_while_holding(self, wait: Wait) -> str:
         """5.3 3): a host that was told to wait waits for the next monitor packet, and an open line says nothing."""
-        held = self._n and ends_with_stop(bytes(self._evidence.host.brought))
+        job = wait.job
+        held = self._n and ends_with_stop(bytes(self._evidence.host.brought[: wait.brought]))
         unheard = [damage for damage in self._evidence.on(Wire.FROM_CONTROL) if _LETS_GO & set(damage.sent)]
-        why = self._evidence.on(Wire.FROM_HOST) or any(self._in_time(damage.moment, job) for damage in unheard)
+        why = any(self._in_time(hit.moment, job) for hit in self._evidence.on(Wire.FROM_HOST) + unheard)
         if held and self._control_ended(job, Outcome.FAILED) and why:
             return "a control that gave up the line while it held the host"
         return ""
