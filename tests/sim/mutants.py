@@ -104,18 +104,18 @@ def _one_chunk_more(method: Callable[..., Any]) -> Callable[..., Any]:
 
     def look(self: Any, limit: int) -> Any:
         if self.state is BState.HELD and not getattr(self, "mutant_chunk", False) and not self._recall:
-            return self._ahead[:limit]
+            return self._supply.ahead[:limit]
         return method(self, limit)
 
     return look
 
 
 def _drop_first(self: Any) -> None:
-    self._ahead = self._ahead[1:]
+    self._supply.ahead = self._supply.ahead[1:]
 
 
 def _say_first_twice(self: Any) -> None:
-    self._ahead = self._ahead[:1] + self._ahead
+    self._supply.ahead = self._supply.ahead[:1] + self._supply.ahead
 
 
 def _certain_is_sent(method: Callable[..., Any]) -> Callable[..., Any]:
@@ -141,9 +141,8 @@ def _abort_with_eor(method: Callable[..., Any]) -> Callable[..., Any]:
 
     def abort(self: Any, now: int) -> None:
         if self.state is BState.SENDING:
-            self._ahead = b"%"
-            self._source = None
-            self._exhausted = True
+            self._supply.ahead = b"%"
+            self._supply._source = None
             return
         method(self, now)
 
@@ -154,10 +153,10 @@ def _stays_armed(method: Callable[..., Any]) -> Callable[..., Any]:
     """A job that has failed is still armed, with what is left of its program."""
 
     def finish(self: Any) -> None:
-        source, failed = self._source, self._ending is not None and self._ending[0] is not Outcome.COMPLETE
+        supply, failed = self._supply, self._ending is not None and self._ending[0] is not Outcome.COMPLETE
         method(self)
-        if failed and source is not None:
-            self._source = source
+        if failed and not supply.is_over:
+            self._supply = supply
             self._state = BState.ARMED
             self._delivery.sent = 0
 

@@ -169,6 +169,26 @@ def test_a_control_that_left_while_it_held_its_host() -> None:
     assert excuses.waiting("host", wait) == "", "it has let go"
 
 
+def test_a_damage_outside_the_job_did_not_make_the_control_give_up_the_line() -> None:
+    broken = Fault(fault=LineFault.BREAK)
+    evidence, excuses = case("fanuc-a-expansion", moment=5 * SECOND, place=0, sent=b"", arrived=(broken,))
+    evidence.host.brought += b"\x13 33\r"
+    evidence.control_ends.append((15 * SECOND, Outcome.FAILED))
+    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"", brought=5)
+    assert excuses.waiting("host", wait) == ""
+
+
+@pytest.mark.parametrize(("sent", "excused"), [(len(PROGRAM), True), (len(PROGRAM) - 1, False)])
+def test_what_is_sent_in_the_next_attempt_is_not_what_was_handed_over_in_this_one(sent: int, excused: bool) -> None:
+    evidence, excuses = case(sent=b"%", arrived=())
+    evidence.host.sent[:] = PROGRAM[:sent]
+    evidence.attempts[0].delivered[:] = PROGRAM[:-1]
+    evidence.attempts.append(Attempt(began=30 * SECOND, armed=True, place=sent, heard=0, brought=0))
+    evidence.host.sent += PROGRAM
+    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"\x11", heard=b"\x11")
+    assert bool(excuses.waiting("host", wait)) is excused
+
+
 def test_whole_packets_are_excused_where_so_many_characters_were_lost() -> None:
     evidence, excuses = case("fanuc-a-expansion", sent=bytes(1000), arrived=())
     evidence.program = evidence.expected = bytes(range(33, 97)) * 48 + b"%"

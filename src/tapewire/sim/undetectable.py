@@ -114,11 +114,15 @@ class Excuses:
 
     def _host_is_faithful(self, attempt: Attempt, wrong: int) -> bool:
         """What it handed over from the start of the attempt on is the program, as far as that matters."""
-        later = [other.place for other in self._evidence.attempts if other.began > attempt.began]
-        sent = text_of(bytes(self._evidence.host.sent[attempt.place : min(later, default=None)]))
+        sent = text_of(self._handed_over(attempt))
         program = text_of(self._evidence.program)
         differs = first_difference(sent[: len(program)], program)
         return differs is None or differs > wrong + self._frame
+
+    def _handed_over(self, attempt: Attempt) -> bytes:
+        """By the host, until the next attempt began."""
+        later = [other.place for other in self._evidence.attempts if other.began > attempt.began]
+        return bytes(self._evidence.host.sent[attempt.place : min(later, default=None)])
 
     def _receiver_is_faithful(self, attempt: Attempt, got: bytes) -> bool:
         """What came out of it had come in."""
@@ -375,7 +379,7 @@ class Excuses:
             return False
         said_by = attempt.began + _NAME_CHARACTERS * character_time(self._scenario.baud)
         hit = any(attempt.began <= damage.moment <= said_by for damage in evidence.on(Wire.FROM_CONTROL))
-        return hit and not text_of(bytes(evidence.host.sent[attempt.place :]))
+        return hit and not text_of(self._handed_over(attempt))
 
     def _touched(self, job: Job) -> bool:
         """Something happened to what the control says, marked or not."""
@@ -412,8 +416,8 @@ class Excuses:
     def _eor_came_otherwise(self, attempt: Attempt) -> str:
         """The control stopped before the end of the program, or reads on behind it."""
         eor, got = EOR_CODES[self._scenario.settings.data], bytes(attempt.delivered)
-        handed_over = len(self._evidence.host.sent) - attempt.place >= len(self._evidence.program)
-        reads_on = handed_over and not (got[1:] and got[-1] in eor)
+        all_sent = len(self._handed_over(attempt)) >= len(self._evidence.program)
+        reads_on = all_sent and not (got[1:] and got[-1] in eor)
         stopped = len(got) < len(self._evidence.program) and got[-1:] != b"" and got[-1] in eor
         for damage in self._unseen(Wire.FROM_HOST):
             lost, forged = frozenset(eor) & frozenset(damage.sent), frozenset(eor) & frozenset(damage.plain)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from io import BytesIO
+from typing import Any
 
 import pytest
 
@@ -21,7 +22,7 @@ from tapewire.engine import (
 from tapewire.protocols.fanuc_b.host import FanucBHost
 from tapewire.protocols.fanuc_b.messages import Params
 from tapewire.protocols.settings import End
-from tests.protocols.fanuc_b.host_rig import DC1, DC3, DC3_ISO, PROGRAM, Rig
+from tests.protocols.fanuc_b.host_rig import DC1, DC3, DC3_ISO, PROGRAM, SYN, Rig
 
 
 def test_6_4_1_without_posting_a_falling_er_ends_the_job() -> None:
@@ -218,6 +219,48 @@ def test_a_clean_dc3_after_a_damaged_character_is_an_ordinary_stop() -> None:
     assert rig.take(10) == PROGRAM[8000:8010]
 
 
+@pytest.mark.parametrize("code", [b"\x93", b"\x95", b"\x96"])
+def test_6_2_in_an_eia_punch_out_the_iso_codes_are_codes(code: bytes) -> None:
+    """An even number of holes: no EIA character. Without posting a reset says DC3 (6.4 (1))."""
+    rig = Rig(b"", data="eia", posting="off")
+    sink = BytesIO()
+    rig.host.receive(sink, 0)
+    rig.hear(b"\x12\x61\x62\x13\x15\x16" + code)
+    assert rig.end is not None
+    assert rig.end.outcome is not Outcome.COMPLETE
+    assert sink.getvalue() == b"\x61\x62\x13\x15\x16"
+
+
+@pytest.mark.parametrize(
+    ("data", "punched", "stored"),
+    [
+        ("eia", b"\x61\x13", b"\x61"),
+        ("eia", b"\x61\x13\x13", b"\x61\x13"),
+        ("eia", b"\x61\x13\x62", b"\x61\x13\x62"),
+        ("binary", b"a\x93", b"a"),
+        ("binary", b"a\x13\x93b", b"a\x13\x93b"),
+    ],
+)
+@pytest.mark.parametrize("end", ["cut", "whole"])
+def test_6_4_1_a_last_character_that_may_be_dc3_is_stored_when_another_follows(
+    data: str, punched: bytes, stored: bytes, end: str
+) -> None:
+    """Where ER falls behind it, it was the DC3 of a control that was reset."""
+    for cut in range(1, len(punched) + 1):
+        rig = Rig(b"", data=data, posting="off")
+        sink = BytesIO()
+        rig.see()
+        rig.host.receive(sink, 0)
+        rig.hear(b"\x12" + punched[:cut])
+        rig.hear(punched[cut:] + (b"\x14" if end == "whole" else b""))
+        rig.see(dsr=False)
+        rig.wait(SECOND)
+        assert rig.end is not None
+        assert rig.end.outcome is (Outcome.COMPLETE if end == "whole" else Outcome.FAILED)
+        assert sink.getvalue() == (punched if end == "whole" else stored)
+        assert rig.end.bytes_low == len(sink.getvalue())
+
+
 def test_a_binary_punch_out_is_not_cut_where_our_own_pause_falls_on_a_14h() -> None:
     """The character behind it, which shows that it was data, comes only after our resume."""
     rig = Rig(b"", data="binary")
@@ -274,3 +317,81 @@ def test_with_er_visible_an_early_dc3_may_last() -> None:
     rig.wait(3600 * SECOND)
     rig.hear(DC1)
     assert rig.take(10) == PROGRAM[100:110]
+
+
+@pytest.mark.parametrize(("posting", "seconds"), [("on", 0.5), ("off", 0)])
+def test_6_1_1_7_a_second_dc3_behind_the_last_bytes_is_the_end(posting: str, seconds: float) -> None:
+    """They were on their way when the first one came, and the control has read EOR with no DC1 between."""
+    rig = Rig(PROGRAM[:8010], posting=posting)
+    rig.see()
+    rig.hear(DC1)
+    rig.take(8000)
+    rig.hand_over(10)
+    rig.hear(DC3)
+    rig.leave()
+    rig.wait(SECOND)
+    rig.hear(DC3)
+    rig.wait(round(seconds * SECOND))
+    assert rig.end is not None
+    assert (rig.end.outcome, rig.end.bytes_low) == (Outcome.COMPLETE, 8010)
+
+
+def test_6_1_2_a_second_dc3_behind_the_last_bytes_and_syn_is_a_reset() -> None:
+    rig = Rig(PROGRAM[:8010])
+    rig.see()
+    rig.hear(DC1)
+    rig.hand_over(8010)
+    rig.hear(DC3)
+    rig.leave()
+    rig.wait(SECOND)
+    rig.hear(DC3 + SYN)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.CANCELLED
+
+
+@pytest.mark.parametrize("rest", [0, 10])
+def test_a_second_dc3_is_no_end_while_the_program_goes_on_or_may_not_have_come(rest: int) -> None:
+    """Without posting a reset says the same, and what left just before it was heard may not have come."""
+    rig = Rig(PROGRAM[: 8010 + rest], posting="off")
+    rig.see()
+    rig.hear(DC1)
+    rig.take(8000)
+    rig.hand_over(10)
+    rig.hear(DC3)
+    rig.leave()
+    rig.wait(SECOND if rest else SECOND // 100)
+    rig.hear(DC3)
+    rig.wait(60 * SECOND)
+    assert rig.end is None
+    rig.see(dsr=False)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+
+
+class _EndsLate(BytesIO):
+    """Says that it has nothing yet, before it says that there is no more."""
+
+    def __init__(self, data: bytes, pauses: int) -> None:
+        super().__init__(data)
+        self._pauses = pauses
+
+    def read(self, size: int | None = -1) -> Any:
+        data = super().read(size)
+        if not data and self._pauses:
+            self._pauses -= 1
+            return None
+        return data
+
+
+@pytest.mark.parametrize("codes", [DC3, DC3 + DC3])
+def test_6_1_1_7_the_last_dc3_comes_before_the_source_says_that_there_is_no_more(codes: bytes) -> None:
+    rig = Rig(b"")
+    rig.see()
+    rig.host.start(_EndsLate(b"%\nM30\n%", 3), 0)
+    rig.hear(DC1)
+    rig.take(100)
+    rig.hear(codes)
+    for _ in range(100):
+        rig.wait(SECOND // 100)
+    assert rig.end is not None
+    assert (rig.end.outcome, rig.end.bytes_low) == (Outcome.COMPLETE, 7)

@@ -118,4 +118,6 @@ def flat(words: list[str | bytes]) -> list[str | int]:
 
 def test_6_2_in_an_eia_punch_out_the_digits_3_5_and_6_are_no_codes() -> None:
     assert Words(DataCode.EIA).control(b"\x12\x13\x15\x16\x14\x16") == ["DC2", b"\x13\x15\x16", "DC4", "SYN"]
+    assert Words(DataCode.EIA).control(b"\x12\x13\x93") == ["DC2", b"\x13", "DC3"], "ISO: no EIA character"
+    assert Words(DataCode.BINARY).control(b"\x12\x13\x93\x14") == ["DC2", b"\x13\x93", "DC4"]
     assert Words(DataCode.ASCII).control(b"\x12AB\x16") == ["DC2", b"AB", "SYN"]

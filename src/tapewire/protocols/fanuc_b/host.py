@@ -41,23 +41,24 @@ from tapewire.engine import (
     Violation,
 )
 from tapewire.errors import UsageError
-from tapewire.protocols.fanuc_b.host_delivery import HEARD_LATE, Delivery
+from tapewire.protocols.fanuc_b.host_delivery import HEARD_LATE, Delivery, Supply
 from tapewire.protocols.fanuc_b.host_law import (
     DAMAGED_WAIT,
     ER_FELL,
     FEED,
     LAW,
     LEAVING,
-    LOOK_AHEAD,
     LOOKS_LIKE_RESET,
+    NOTICES,
     RISK_BLIND,
     RISK_POWER,
     SOURCE_POLL,
+    TIMED_ENDS,
     State,
     Timer,
 )
-from tapewire.protocols.fanuc_b.host_reception import Reception
-from tapewire.protocols.fanuc_b.messages import ControlCode, ErLine, Params, PauseBy, SynAtEnd, code_of, encode
+from tapewire.protocols.fanuc_b.host_reception import Pause, Reception
+from tapewire.protocols.fanuc_b.messages import ControlCode, ErLine, Params, SynAtEnd, code_of
 from tapewire.protocols.settings import Switch
 
 __all__ = ["LAW", "FanucBHost", "State"]
@@ -79,10 +80,10 @@ class FanucBHost:
         self._events = Events()
         self._rs = True
         self._er = self._sees_er = self._has_signals = False
-        self._held_by_damage = self._recall = self._pause_wanted = self._pause_told = False
+        self._held_by_damage = self._stopped_at_rest = self._recall = False
+        self._pause = Pause(params)
         self._delivery = Delivery(params.limits)
-        self._source: Source | None = None
-        self._ahead, self._exhausted = b"", False
+        self._supply = Supply(None)
         self._reception: Reception | None = None
         self._ending: tuple[Outcome, str] | None = None
         self._certain = 0
@@ -92,13 +93,13 @@ class FanucBHost:
     def start(self, source: Source, now: Nanos) -> None:
         """Arm a program; it starts with the next DC1. Raises UsageError while a job is under way."""
         self._begin_job(State.ARMED)
-        self._source, self._ahead, self._exhausted = source, b"", False
+        self._supply = Supply(source)
 
     def receive(self, sink: Sink, now: Nanos) -> None:
         """Arm a reception; it starts with the next DC2. Raises UsageError while a job is under way."""
         self._begin_job(State.LISTENING)
         self._reception = Reception(self._params.data, sink)
-        self._pause_wanted = self._pause_told = False
+        self._pause = Pause(self._params)
 
     def abort(self, now: Nanos) -> None:
         """Fall silent and call back what has not left. No EOR is sent, so the program cannot look whole (8.2)."""
@@ -109,13 +110,13 @@ class FanucBHost:
 
     def hold_reception(self, now: Nanos) -> None:
         """Pause the punch-out, or the next one (6.1.1 2) (3)). The control may still send its overrun."""
-        before, self._pause_wanted = self._pause_wanted, self._state in (State.LISTENING, State.RECEIVING)
-        if self._pause_wanted and not before and not self._pause_by_code and not self._has_signals:
+        before, self._pause.wanted = self._pause.wanted, self._state in (State.LISTENING, State.RECEIVING)
+        if self._pause.cs_off and not before and not self._has_signals:
             self._events.put(Violation(what="pause=cs pauses nothing: this line has no control lines"))
 
     def release(self, now: Nanos) -> None:
         """Let the paused punch-out go on (6.1.1 2) (4), 6.1.2 (4))."""
-        self._pause_wanted = False
+        self._pause.wanted = False
         self._listen_for_notice(now)
 
     @property
@@ -197,21 +198,19 @@ class FanucBHost:
     # to the line
 
     def data_to_send(self, limit: int) -> bytes:
-        receiving = self._state in (State.RECEIVING, State.AFTER_DC4)
-        if receiving and self._pause_by_code and self._pause_wanted is not self._pause_told:
-            code = ControlCode.DC3 if self._pause_wanted else self._params.resume_code
-            return encode(code, self._params.code)
+        if self._state in (State.RECEIVING, State.AFTER_DC4):
+            return self._pause.code_due
         if self._state is State.SENDING and self._rs:
-            return self._ahead[:limit]
+            return self._supply.ahead[:limit]
         return b""
 
     def data_sent(self, count: int, now: Nanos) -> None:
         self._delivery.hand_over(count)
         if self._state in (State.RECEIVING, State.AFTER_DC4):
-            self._pause_told = self._pause_wanted
+            self._pause.told = self._pause.wanted
             self._listen_for_notice(now)
             return
-        self._ahead = self._ahead[count:]
+        self._supply.take(count)
         self._fill(now)
 
     def data_left(self, count: int, now: Nanos) -> None:
@@ -232,7 +231,7 @@ class FanucBHost:
     @property
     def signals(self) -> SignalsOut:
         """ON, but for a pause by CS: with them OFF the control posts nothing (6.1.2) or alarms (3.2)."""
-        return ALL_ON if self._pause_by_code or not self._pause_wanted else SignalsOut(rts=False)
+        return SignalsOut(rts=False) if self._pause.cs_off else ALL_ON
 
     # time and what happened
 
@@ -244,18 +243,12 @@ class FanucBHost:
             match timer:
                 case Timer.SOURCE:
                     self._fill(now)
-                case Timer.CLOSING:
-                    self._end(Outcome.COMPLETE, "the control has read the whole program", now)
                 case Timer.NOTICE:
                     self._finish_reception(now)
-                case Timer.DAMAGED:
-                    self._end(Outcome.FAILED, "a damaged character came from the control and nothing after it", now)
-                case Timer.EARLY_STOP:
-                    self._end(Outcome.FAILED, f"a DC3 that cannot have been a stop: {LOOKS_LIKE_RESET}", now)
-                case Timer.ER_FELL:
-                    self._end(Outcome.FAILED, ER_FELL, now)
                 case Timer.LEAVING:
                     self._finish()
+                case Timer.CLOSING | Timer.DAMAGED | Timer.EARLY_STOP | Timer.ER_FELL:
+                    self._end(*TIMED_ENDS[timer], now)
 
     def next_event(self) -> Event | None:
         return self._events.get()
@@ -296,7 +289,7 @@ class FanucBHost:
         """6.1.1 1) (2), (6)."""
         for timer in (Timer.DAMAGED, Timer.CLOSING, Timer.EARLY_STOP):
             self._timers.stop(timer)
-        self._held_by_damage = False
+        self._held_by_damage = self._stopped_at_rest = False
         match self._state:
             case State.ARMED:
                 self._events.put(Requested())
@@ -321,6 +314,7 @@ class FanucBHost:
 
     def _on_dc3(self, now: Nanos) -> None:
         """6.1.1 1) (4), (8). Without posting and without ER this may be a reset (see the module's docstring)."""
+        self._stopped_at_rest = not self._delivery.in_flight
         match self._state:
             case State.DELIVERED | State.CLOSING:
                 self._on_closing_dc3(now)
@@ -328,6 +322,9 @@ class FanucBHost:
                 self._end(Outcome.FAILED, "the control stopped in the middle of its punch-out (DC3)", now)
             case State.HELD if self._held_by_damage:
                 self._on_sending_dc3(now)
+            case State.HELD if self._is_whole_though_held(now):
+                self._state = State.CLOSING
+                self._on_closing_dc3(now)
             case State.HELD if self._blind:
                 self._end(Outcome.FAILED, f"a second DC3 with no DC1 between: {LOOKS_LIKE_RESET}", now)
             case State.HELD:
@@ -367,7 +364,7 @@ class FanucBHost:
         may_be_stop = self._delivery.may_have_filled_the_buffer and not self._delivery.long_silent(now)
         if self._state is State.DELIVERED and may_be_stop:
             wait = self._params.closing_time
-        elif self._params.posting is Switch.ON:
+        elif self._posts:
             wait = self._params.notice_time
         else:
             self._end(Outcome.COMPLETE, "the control has read the whole program", now)
@@ -378,22 +375,28 @@ class FanucBHost:
     @property
     def _may_be_end_of_er(self) -> bool:
         """With posting ER stays ON until power-off (6.1.2), so it may only fall behind the last DC3."""
-        delivered = self._state is State.DELIVERED and self._params.posting is Switch.OFF
+        delivered = self._state is State.DELIVERED and not self._posts
         return (delivered or self._state is State.CLOSING) and not self._delivery.in_flight
+
+    def _is_whole_though_held(self, now: Nanos) -> bool:
+        """The last bytes were on their way when DC3 came, and no DC1 is needed to read EOR (6.1.1 1) (7)). A reset that
+        did not get them says the same where it is not posted.
+        """
+        whole = self._supply.is_over and not self._delivery.in_flight
+        return whole and (self._posts or self._delivery.has_arrived(now))
+
+    @property
+    def _posts(self) -> bool:
+        return self._params.posting is Switch.ON
 
     @property
     def _blind(self) -> bool:
         """Nothing on this line tells a reset from a stop (6.1.1, 6.4)."""
-        return self._params.posting is Switch.OFF and not self._sees_er
-
-    @property
-    def _pause_by_code(self) -> bool:
-        return self._params.pause is PauseBy.DC3
+        return not (self._posts or self._sees_er)
 
     def _on_notice(self, code: ControlCode, now: Nanos) -> None:
         """SYN is a reset, NAK an alarm (6.1.2, 6.4)."""
-        what = "was reset (SYN)" if code is ControlCode.SYN else "has an alarm (NAK)"
-        outcome = Outcome.CANCELLED if code is ControlCode.SYN else Outcome.FAILED
+        outcome, what = NOTICES[code]
         match self._state:
             case State.IDLE | State.ARMED | State.LISTENING:
                 self._events.put(Notice(text=f"the control {what}"))
@@ -424,7 +427,7 @@ class FanucBHost:
         """After DC4, from when nothing of ours holds the control back: in binary data the DC4 may be program, and what
         shows it may be held back by our own pause.
         """
-        paused = self._pause_wanted or self._pause_told
+        paused = self._pause.wanted or self._pause.told
         if self._state is State.AFTER_DC4 and not paused and not self._timers.running(Timer.NOTICE):
             self._timers.start(Timer.NOTICE, now + round(self._params.notice_time * SECOND))
 
@@ -458,20 +461,18 @@ class FanucBHost:
         if self._state is not State.IDLE:
             raise UsageError(f"a job is under way ({self._state.value}); abort it or wait for its end")
         self._state = state
-        self._source = self._reception = None
+        self._reception = None
         self._delivery = Delivery(self._params.limits, stale=self._delivery.in_flight)
 
     def _fill(self, now: Nanos) -> None:
         """Keep the next bytes at hand, and notice the end of the program with its last byte."""
-        assert self._source is not None
-        if not self._ahead and not self._exhausted:
-            data = self._source.read(LOOK_AHEAD)
-            if data is None:
-                self._timers.start(Timer.SOURCE, now + SOURCE_POLL)
-                return
-            self._ahead, self._exhausted = data, not data
-        if self._exhausted and not self._ahead and self._state is State.SENDING:
+        if not self._supply.fill():
+            self._timers.start(Timer.SOURCE, now + SOURCE_POLL)
+        elif self._supply.is_over and self._state is State.SENDING:
             self._state = State.DELIVERED
+        elif self._supply.is_over and self._state is State.HELD and self._stopped_at_rest:
+            self._state = State.DELIVERED
+            self._on_closing_dc3(now)
 
     def _end(self, outcome: Outcome, reason: str, now: Nanos) -> None:
         """The job is over. One that is whole waits for its last byte to leave; any other calls back what it can."""
@@ -480,8 +481,7 @@ class FanucBHost:
         if self._state is not State.HELD or self._held_by_damage:
             self._certain = self._delivery.certain(now)
         self._state = State.LEAVING
-        self._ahead = b""
-        self._pause_wanted = self._pause_told = False
+        self._pause = Pause(self._params)
         self._recall = outcome is not Outcome.COMPLETE
         self._timers.start(Timer.LEAVING, now + LEAVING)
         if not self._delivery.in_flight and not self._recall:
@@ -490,7 +490,7 @@ class FanucBHost:
     def _finish(self) -> None:
         assert self._ending is not None
         outcome, reason = self._ending
-        self._ending = self._source = None
+        self._ending, self._supply = None, Supply(None)
         self._timers.stop_all()
         self._recall = False
         self._state = State.IDLE

@@ -5,9 +5,10 @@ The engine in `host.py` chooses; after each code it checks its choice against th
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import Final
 
-from tapewire.engine import MILLISECOND, SECOND, Named, Nanos
+from tapewire.engine import MILLISECOND, SECOND, Named, Nanos, Outcome
 from tapewire.protocols.fanuc_b.messages import ControlCode
 
 __all__ = [
@@ -17,10 +18,11 @@ __all__ = [
     "LAW",
     "LEAVING",
     "LOOKS_LIKE_RESET",
-    "LOOK_AHEAD",
+    "NOTICES",
     "RISK_BLIND",
     "RISK_POWER",
     "SOURCE_POLL",
+    "TIMED_ENDS",
     "State",
     "Timer",
 ]
@@ -61,9 +63,6 @@ class Timer(Named):
     EARLY_STOP = "early stop"
 
 
-LOOK_AHEAD: Final = 4096
-"""Bytes of the program taken from its source before the line asks for them."""
-
 FEED: Final = b"\x00\x7f"
 """Blank and rubbed-out tape, which says nothing."""
 
@@ -87,7 +86,7 @@ LAW: Final[dict[tuple[State, ControlCode], frozenset[State]]] = {
     (State.SENDING, _DC1): frozenset({State.SENDING}) | _ENDING,
     (State.SENDING, _DC3): frozenset({State.HELD}) | _ENDING,
     (State.HELD, _DC1): frozenset({State.SENDING, State.DELIVERED}),
-    (State.HELD, _DC3): frozenset({State.HELD}) | _ENDING,
+    (State.HELD, _DC3): frozenset({State.HELD, State.CLOSING}) | _ENDING,
     (State.DELIVERED, _DC3): frozenset({State.CLOSING, State.HELD}) | _ENDING,
     (State.CLOSING, _DC1): frozenset({State.DELIVERED}),
     (State.CLOSING, _DC3): frozenset({State.CLOSING}) | _ENDING,
@@ -119,3 +118,17 @@ RISK_BLIND: Final = (
     "posting is off and ER cannot be seen: a reset after the buffer has filled looks like a stop, and the start that "
     "follows it would get the middle of the program; stop this job before you start the control anew"
 )
+
+NOTICES: Final = {
+    ControlCode.SYN: (Outcome.CANCELLED, "was reset (SYN)"),
+    ControlCode.NAK: (Outcome.FAILED, "has an alarm (NAK)"),
+}
+"""What the control posts (6.1.2, 6.4)."""
+
+TIMED_ENDS: Final[dict[Enum, tuple[Outcome, str]]] = {
+    Timer.CLOSING: (Outcome.COMPLETE, "the control has read the whole program"),
+    Timer.DAMAGED: (Outcome.FAILED, "a damaged character came from the control and nothing after it"),
+    Timer.EARLY_STOP: (Outcome.FAILED, f"a DC3 that cannot have been a stop: {LOOKS_LIKE_RESET}"),
+    Timer.ER_FELL: (Outcome.FAILED, ER_FELL),
+}
+"""How a job ends when one of these deadlines passes."""

@@ -7,19 +7,48 @@ from typing import Final
 
 from tapewire.codes import DataCode
 from tapewire.engine import LineFault, Sink
-from tapewire.protocols.fanuc_b.messages import ControlCode, code_of
+from tapewire.protocols.fanuc_b.messages import ControlCode, Params, PauseBy, code_of, encode
 
-__all__ = ["Reception"]
+__all__ = ["Pause", "Reception"]
 
 _CONTROL_CODES: Final = {
     DataCode.ASCII: re.compile(rb"[\x11-\x16\x93\x95\x96]"),
     DataCode.ISO: re.compile(rb"[\x11-\x16\x93\x95\x96]"),
-    DataCode.EIA: re.compile(rb"\x14"),
+    DataCode.EIA: re.compile(rb"[\x11\x12\x14\x93\x95\x96]"),
     DataCode.BINARY: re.compile(rb"\x14"),
 }
-"""What is a control code between DC2 and DC4. In EIA 13h, 15h and 16h are the digits 3, 5 and 6."""
+"""What is a control code between DC2 and DC4. In EIA 13h, 15h and 16h are the digits 3, 5 and 6; every other code has
+an even number of holes, which no EIA character has.
+"""
+
+_MAY_BE_DC3: Final = {DataCode.EIA: b"\x13", DataCode.BINARY: b"\x13\x93"}
+"""Program where anything follows it; where nothing does, perhaps the DC3 of a punch-out that is cut short (6.4 (1))."""
 
 _EXPECTED: Final = frozenset({ControlCode.DC3, ControlCode.DC4, ControlCode.SYN, ControlCode.NAK})
+
+
+class Pause:
+    """The host's hold on a punch-out (6.1.1 2) (3), (4), 6.1.2 (4))."""
+
+    def __init__(self, params: Params) -> None:
+        self._params = params
+        self.wanted = False
+        self.told = False
+
+    @property
+    def by_code(self) -> bool:
+        return self._params.pause is PauseBy.DC3
+
+    @property
+    def cs_off(self) -> bool:
+        return self.wanted and not self.by_code
+
+    @property
+    def code_due(self) -> bytes:
+        """What is still to be said of it."""
+        if not self.by_code or self.wanted is self.told:
+            return b""
+        return encode(ControlCode.DC3 if self.wanted else self._params.resume_code, self._params.code)
 
 
 class Reception:
@@ -27,8 +56,10 @@ class Reception:
 
     def __init__(self, data: DataCode, sink: Sink) -> None:
         self._control_codes = _CONTROL_CODES[data]
+        self._may_be_dc3 = _MAY_BE_DC3.get(data, b"")
         self._binary = data is DataCode.BINARY
         self._sink = sink
+        self._last = b""
         self._undecided = b""
         self.stored = 0
         self.damage = ""
@@ -41,6 +72,7 @@ class Reception:
         self._store(data[position:end])
         if found is None:
             return end, None
+        self._store_last()
         code = code_of(data[end])
         assert code is not None
         if code not in _EXPECTED:
@@ -74,6 +106,19 @@ class Reception:
             self._store(bytes([byte]))
 
     def _store(self, data: bytes) -> None:
+        """All but a last character that may be DC3: it counts as program when another follows."""
+        if not data:
+            return
+        self._store_last()
+        if data[-1] in self._may_be_dc3:
+            data, self._last = data[:-1], data[-1:]
+        self._write(data)
+
+    def _store_last(self) -> None:
+        last, self._last = self._last, b""
+        self._write(last)
+
+    def _write(self, data: bytes) -> None:
         if data:
             self._sink.write(data)
             self.stored += len(data)

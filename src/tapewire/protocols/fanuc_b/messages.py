@@ -274,15 +274,22 @@ class Params:
 Token: TypeAlias = ControlCode | bytes
 
 
+_CHARACTERS: Final = {
+    DataCode.EIA: bytes(code.value for code in _ISO_FORM),
+    DataCode.BINARY: bytes(byte for byte in _CODE_OF if byte != ControlCode.DC4.value),
+}
+"""Codes of 6.2 that are characters of a punch-out too."""
+
+
 class Words:
     """Puts what one end sends into words, for transcripts: control codes by name, runs of program bytes.
 
-    In EIA and binary data 13h, 15h and 16h are characters; there only DC4 ends a punch-out (6.2). A host in the
-    middle of a program says nothing but data, so its codes are named only where a control would look for them.
+    In EIA data 13h, 15h and 16h are characters, in binary data every code but DC4 (6.2). A host in the middle of a
+    program says nothing but data, so its codes are named only where a control would look for them.
     """
 
     def __init__(self, data: DataCode) -> None:
-        self._opaque = data in (DataCode.EIA, DataCode.BINARY)
+        self._characters = _CHARACTERS.get(data, b"")
         self._punching = False
 
     def control(self, data: bytes) -> list[str | bytes]:
@@ -297,7 +304,7 @@ class Words:
     def _control_tokens(self, data: bytes) -> Iterator[Token]:
         for byte in data:
             code = code_of(byte)
-            if self._punching and self._opaque and code is not ControlCode.DC4:
+            if self._punching and byte in self._characters:
                 code = None
             self._punching = code is ControlCode.DC2 or (self._punching and code is not ControlCode.DC4)
             yield bytes([byte]) if code is None else code
