@@ -153,6 +153,28 @@ def test_the_end_of_a_reading_whose_cable_was_pulled(pulled: int, said: bytes, e
     assert bool(excuses.waiting("host", wait)) is excused
 
 
+@pytest.mark.parametrize(
+    ("posting", "path", "missing", "ended", "excused"),
+    [
+        ("off", "uart-16550", 16, 15, True),
+        ("off", "uart-16550", 17, 15, False),
+        ("off", "usb-16ms", 17, 15, True),
+        ("on", "usb-16ms", 16, 15, False),
+        ("off", "usb-16ms", 16, 25, False),
+    ],
+)
+def test_an_alarm_behind_the_last_characters(posting: str, path: str, missing: int, ended: int, excused: bool) -> None:
+    """As many may stand in the FIFO or the adapter when DC3 comes, and without posting nothing else is said."""
+    evidence, _ = case()
+    settings = Settings(host={"posting": posting}, cnc={}, data=draw("fanuc-b", "clean", 1).settings.data)
+    drawn = dataclasses.replace(draw("fanuc-b", "clean", 1, path=path), settings=settings, direction=Direction.SEND)
+    attempt = evidence.attempts[0]
+    attempt.got -= missing
+    del attempt.delivered[-missing:]
+    evidence.control_ends.append((ended * SECOND, Outcome.FAILED))
+    assert bool(Excuses(drawn, evidence).short(attempt, evidence.jobs[0])) is excused
+
+
 def test_a_control_that_left_while_it_held_its_host() -> None:
     evidence, excuses = case("fanuc-a-expansion", place=0, sent=b"", arrived=(Fault(fault=LineFault.BREAK),))
     noise = b"\x15\x11 "

@@ -14,6 +14,7 @@ from tapewire.codes import EOR_CODES
 from tapewire.engine import Nanos, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.line.pacing import character_time
+from tapewire.line.paths import PATHS
 from tapewire.protocols.fanuc_a.packets import packet_bytes
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
 from tapewire.sim.frames import cancelled_sums, ends_record, ends_with_stop, forged_records, rest_fits, text_of
@@ -213,9 +214,20 @@ class Excuses:
                 return damage.name
         if dark := self._dark_control(job):
             return dark
+        if attempt is not None and self._ends_alike(attempt, job):
+            return "an alarm or a reset behind the last characters, without posting"
         if self._scenario.protocol == "bridgeport" and self._codes_hit(Wire.FROM_CONTROL, _BRIDGEPORT_NAME, job):
             return "a program name that came otherwise"
         return self.told_wrongly(job)
+
+    def _ends_alike(self, attempt: Attempt, job: Job) -> bool:
+        """Without posting the end of a reading, an alarm and a reset say DC3 and turn ER OFF alike (6.1.1), and the last
+        characters may stand in a FIFO or an adapter that does not say so.
+        """
+        missing = len(self._evidence.program) - attempt.got
+        silent = self._is_b and self._sends and self._scenario.settings.host.get("posting") == "off"
+        ended = self._control_ended(job, Outcome.FAILED, Outcome.CANCELLED)
+        return silent and ended and missing <= PATHS[self._scenario.path].out_of_reach
 
     def told_wrongly(self, job: Job) -> str:
         """What the control said of itself in the time of `job` came otherwise."""
