@@ -141,3 +141,16 @@ class Test442:
         bench.sending(PROGRAM[:100])
         assert bench.answer(Command.SAT, b"09000000") == SET
         assert bench.host.state is State.SENDING
+
+    def test_4_5_what_no_control_can_have_is_not_believed(self) -> None:
+        """The sum of 4.1 does not see a digit lost and the same doubled: all between them is shifted."""
+        bench = Bench()
+        bench.power_on()
+        bench.arm()
+        bench.in_force = Parameters(nb=250, no=32, ne=0, tp=40960, to=8193, ti=16384, tx=0, tw=0)
+        assert bench.sat() == SET
+        assert "Tp = 40960" in bench.all(Violation)[-1].what
+        assert bench.answer(Command.RTY, b"1") == SET, "Ne is what it was"
+        silence = bench.host.next_deadline()
+        assert silence is not None
+        assert silence - bench.now < 10 * SECOND

@@ -251,8 +251,7 @@ class FanucAHost(HostLine):
         except DataError as error:
             self._events.put(Violation(what=str(error)))
         else:
-            self._agreement.hear(status)
-            self._tell_refused()
+            self._hear_parameters(status)
             self._judge(status, now)
         if self._state is State.STREAMING:
             self._interrupt(Outcome.FAILED, "SAT before the end packet: the control has left the packets", now)
@@ -264,7 +263,14 @@ class FanucAHost(HostLine):
         if not self._say_wish(Command.SAT):
             self._say(Command.SET, self._agreement.set_data())
 
-    def _tell_refused(self) -> None:
+    def _hear_parameters(self, status: Status) -> None:
+        """A digit lost and one doubled keep the sum: what no control can have (4.5) would make its silence last for
+        hours, and its Ne nothing.
+        """
+        if out := status.parameters.out_of_range():
+            self._events.put(Violation(what=f"SAT with {out}: its parameters are not believed"))
+            return
+        self._agreement.hear(status)
         if self._agreement.refused and "refused" not in self._told:
             self._told.add("refused")
             self._events.put(Notice(text=f"the control does not take what SET asks for: {self._agreement.differences}"))

@@ -131,12 +131,18 @@ class Parameters:
         """Nb - No: what a DAT may hold at most (4.5 note 1)."""
         return self.nb - self.no
 
-    def complaint(self) -> str | None:
-        """Why these values are not legal (table 4.5); None when they are."""
+    def out_of_range(self) -> str | None:
+        """Which value is outside its range (table 4.5); None when none is."""
         for field, limit in LIMITS.items():
             value = getattr(self, field)
             if not limit.low <= value <= limit.high:
                 return f"{limit.name} = {value} {limit.unit}: {limit.low} to {limit.high} is possible"
+        return None
+
+    def complaint(self) -> str | None:
+        """Why these values are not legal (table 4.5 and its notes); None when they are."""
+        if out := self.out_of_range():
+            return out
         if self.ti % 2:
             return f"Ti = {self.ti} ms: steps of 2 ms are possible"
         if self.tw > self.tp:
