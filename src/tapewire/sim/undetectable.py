@@ -221,8 +221,8 @@ class Excuses:
         return self.told_wrongly(job)
 
     def _ends_alike(self, attempt: Attempt, job: Job) -> bool:
-        """Without posting the end of a reading, an alarm and a reset say DC3 and turn ER OFF alike (6.1.1), and the last
-        characters may stand in a FIFO or an adapter that does not say so.
+        """Without posting the end of a reading, an alarm and a reset say DC3 and turn ER OFF alike (6.1.1), and the
+        last characters may stand in a FIFO or an adapter that does not say so.
         """
         missing = len(self._evidence.program) - attempt.got
         silent = self._is_b and self._sends and self._scenario.settings.host.get("posting") == "off"
