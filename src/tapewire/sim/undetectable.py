@@ -14,7 +14,8 @@ from tapewire.codes import EOR_CODES
 from tapewire.engine import Nanos, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.line.pacing import character_time
-from tapewire.protocols.delivery import HEARD_LATE, HEARD_LATE_CHARACTERS
+from tapewire.line.paths import PATHS
+from tapewire.protocols.delivery import HEARD_LATE
 from tapewire.protocols.fanuc_a.packets import packet_bytes
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
 from tapewire.sim.frames import cancelled_sums, ends_record, ends_with_stop, forged_records, rest_fits, text_of
@@ -214,20 +215,21 @@ class Excuses:
                 return damage.name
         if dark := self._dark_control(job):
             return dark
+        if attempt is not None and self._ends_alike(attempt, job):
+            return "an alarm or a reset behind the last characters, without posting"
         if self._scenario.protocol == "bridgeport" and self._codes_hit(Wire.FROM_CONTROL, _BRIDGEPORT_NAME, job):
             return "a program name that came otherwise"
-        return self._ended_with_the_last(attempt, job) or self.told_wrongly(job)
+        return self.told_wrongly(job)
 
-    def _ended_with_the_last(self, attempt: Attempt | None, job: Job) -> str:
-        """Without posting one DC3 ends a read that is whole and one that is cut short, and ER falls behind both
-        (6.1.1 1) (7), 6.4 (1)); it may have been said so long before it is heard.
+    def _ends_alike(self, attempt: Attempt, job: Job) -> bool:
+        """Without posting the end of a reading, an alarm and a reset say DC3 and turn ER OFF alike (6.1.1), which may
+        be heard late, and the last characters may stand in a FIFO or an adapter that does not say so.
         """
-        if attempt is None or not self._is_b or self._scenario.settings.host.get("posting") != "off":
-            return ""
         missing = len(self._evidence.program) - attempt.got
-        last = max(HEARD_LATE // character_time(self._scenario.baud), HEARD_LATE_CHARACTERS)
+        last = max(HEARD_LATE // character_time(self._scenario.baud), PATHS[self._scenario.path].out_of_reach)
+        silent = self._is_b and self._sends and self._scenario.settings.host.get("posting") == "off"
         ended = self._control_ended(job, Outcome.FAILED, Outcome.CANCELLED)
-        return "a reset or alarm with the last characters, and no posting" if ended and missing <= last else ""
+        return silent and ended and missing <= last
 
     def told_wrongly(self, job: Job) -> str:
         """What the control said of itself in the time of `job` came otherwise."""
