@@ -315,3 +315,14 @@ def test_the_code_that_resumes_a_punch_out_came_otherwise(told: int, arrived: tu
     scenario = dataclasses.replace(draw("fanuc-b", "clean", 1), direction=Direction.RECEIVE)
     wait = Wait(who=("host", "control"), job=evidence.jobs[0], attempt=None, said=b"\x12", heard=b"\x12", told=told)
     assert bool(Excuses(scenario, evidence).waiting("host", wait)) is excused
+
+
+@pytest.mark.parametrize(("who", "excused"), [(("host",), True), (("host", "control"), False)])
+def test_a_reset_that_ended_the_waiting_is_not_what_the_host_took_for_a_stop(
+    who: tuple[str, ...], excused: bool
+) -> None:
+    evidence, excuses = case(host={"er": "hidden", "posting": "off"})
+    evidence.control_ends.append((20 * SECOND, Outcome.CANCELLED))
+    heard = b"\x11\x13"
+    wait = Wait(who=who, job=evidence.jobs[0], attempt=evidence.attempts[0], said=heard, heard=heard)
+    assert bool(excuses.waiting("host", wait)) is excused

@@ -420,7 +420,8 @@ class Excuses:
     def _looks_like_a_stop(self, wait: Wait) -> bool:
         scenario = self._scenario
         blind = self._er_unseen and scenario.settings.host.get("posting") == "off"
-        ended = self._control_ended(wait.job, Outcome.FAILED, Outcome.CANCELLED)
+        # A control that still works is reset only by who ends the waiting.
+        ended = "control" not in wait.who and self._control_ended(wait.job, Outcome.FAILED, Outcome.CANCELLED)
         return blind and ended and wait.heard.endswith(_DC3)
 
     def _left_while_holding(self, wait: Wait) -> str:
