@@ -153,6 +153,32 @@ def test_the_end_of_a_reading_whose_cable_was_pulled(pulled: int, said: bytes, e
     assert bool(excuses.waiting("host", wait)) is excused
 
 
+@pytest.mark.parametrize(
+    ("posting", "path", "missing", "ended", "excused"),
+    [
+        ("off", "uart-16550", 16, 15, True),
+        ("off", "uart-16550", 17, 15, False),
+        ("off", "usb-16ms", 17, 15, True),
+        ("on", "usb-16ms", 16, 15, False),
+        ("off", "usb-16ms", 16, 25, False),
+    ],
+)
+def test_an_alarm_behind_the_last_characters(posting: str, path: str, missing: int, ended: int, excused: bool) -> None:
+    """As many may stand in the FIFO or the adapter when DC3 comes, and without posting nothing else is said.
+
+    In 100 ms a line of 1200 baud carries ten.
+    """
+    evidence, _ = case()
+    settings = Settings(host={"posting": posting}, cnc={}, data=draw("fanuc-b", "clean", 1).settings.data)
+    drawn = draw("fanuc-b", "clean", 1, path=path)
+    drawn = dataclasses.replace(drawn, settings=settings, direction=Direction.SEND, baud=1200)
+    attempt = evidence.attempts[0]
+    attempt.got -= missing
+    del attempt.delivered[-missing:]
+    evidence.control_ends.append((ended * SECOND, Outcome.FAILED))
+    assert bool(Excuses(drawn, evidence).short(attempt, evidence.jobs[0])) is excused
+
+
 def test_a_control_that_left_while_it_held_its_host() -> None:
     evidence, excuses = case("fanuc-a-expansion", place=0, sent=b"", arrived=(Fault(fault=LineFault.BREAK),))
     noise = b"\x15\x11 "
@@ -293,3 +319,15 @@ def test_a_control_that_left_after_its_dc1_was_lost(lost: bytes, excused: bool) 
     evidence.control_ends.append((15 * SECOND, Outcome.FAILED))
     wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"", brought=5)
     assert bool(excuses.waiting("host", wait)) is excused
+
+
+@pytest.mark.parametrize(
+    ("told", "arrived", "excused"),
+    [(2, (b"\x12",), True), (2, (), True), (3, (b"\x12",), False), (2, (b"\x11",), False)],
+)
+def test_the_code_that_resumes_a_punch_out_came_otherwise(told: int, arrived: tuple[bytes, ...], excused: bool) -> None:
+    """It is the last one that the host said, and nobody says it again."""
+    evidence, _ = case(place=2, sent=b"\x11", arrived=arrived)
+    scenario = dataclasses.replace(draw("fanuc-b", "clean", 1), direction=Direction.RECEIVE)
+    wait = Wait(who=("host", "control"), job=evidence.jobs[0], attempt=None, said=b"\x12", heard=b"\x12", told=told)
+    assert bool(Excuses(scenario, evidence).waiting("host", wait)) is excused

@@ -176,6 +176,8 @@ class Wait:
     """Of all characters that the control had said, counted from 1."""
     brought: int = 0
     """Characters that had been brought to the host."""
+    told: int = 0
+    """Characters that the host had handed over."""
     moving: bool = False
     """The control was in the middle of a block."""
 

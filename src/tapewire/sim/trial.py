@@ -295,6 +295,7 @@ class Trial:
             heard=evidence.host.last_codes,
             last_place=len(evidence.cnc.sent),
             brought=len(evidence.host.brought),
+            told=len(evidence.host.sent),
             moving=self.pair.control.moving,
         )
         evidence.waits.append(wait)

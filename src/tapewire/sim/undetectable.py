@@ -15,6 +15,8 @@ from tapewire.codes import EOR_CODES
 from tapewire.engine import Nanos, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.line.pacing import character_time
+from tapewire.line.paths import PATHS
+from tapewire.protocols.delivery import HEARD_LATE
 from tapewire.protocols.fanuc_a.packets import packet_bytes
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
 from tapewire.sim.frames import cancelled_sums, ends_record, ends_with_stop, forged_records, rest_fits, text_of
@@ -214,9 +216,21 @@ class Excuses:
                 return damage.name
         if dark := self._dark_control(job):
             return dark
+        if attempt is not None and self._ends_alike(attempt, job):
+            return "an alarm or a reset behind the last characters, without posting"
         if self._scenario.protocol == "bridgeport" and self._codes_hit(Wire.FROM_CONTROL, _BRIDGEPORT_NAME, job):
             return "a program name that came otherwise"
         return self.told_wrongly(job)
+
+    def _ends_alike(self, attempt: Attempt, job: Job) -> bool:
+        """Without posting the end of a reading, an alarm and a reset say DC3 and turn ER OFF alike (6.1.1), which may
+        be heard late, and the last characters may stand in a FIFO or an adapter that does not say so.
+        """
+        missing = len(self._evidence.program) - attempt.got
+        last = max(HEARD_LATE // character_time(self._scenario.baud), PATHS[self._scenario.path].out_of_reach)
+        silent = self._is_b and self._sends and self._scenario.settings.host.get("posting") == "off"
+        ended = self._control_ended(job, Outcome.FAILED, Outcome.CANCELLED)
+        return silent and ended and missing <= last
 
     def told_wrongly(self, job: Job) -> str:
         """What the control said of itself in the time of `job` came otherwise."""
@@ -340,7 +354,8 @@ class Excuses:
             return "the end of a reading whose cable was pulled, and ER unseen"
         if self._is_b and self._looks_like_a_stop(wait):
             return "a reset that looks like a stop: no posting, and ER unseen"
-        if (wait.said != wait.heard and self._touched(job)) or self._last_was_hit(wait):
+        lost = (wait.said != wait.heard and self._touched(job)) or self._last_was_hit(wait)
+        if lost or self._resume_was_hit(wait):
             return "a control code lost, damaged or forged"
         if self._record_never_came(wait):
             return "a record of which nothing came"
@@ -389,6 +404,11 @@ class Excuses:
         ends = self._codes.record_ends
         first = not text_of(sent[attempt.place : begins])
         return (first or ends_record(sent[:begins], ends)) and ends_record(sent[begins:], ends)
+
+    def _resume_was_hit(self, wait: Wait) -> bool:
+        """In a punch-out the host says nothing but codes: the last one is what the control waits for (6.1.1 2) (4))."""
+        hit = [damage for damage in self._unseen(Wire.FROM_HOST, wait.job) if damage.place]
+        return not self._sends and any(damage.place + len(damage.sent) - 1 == wait.told for damage in hit)
 
     def _name_was_hit(self, wait: Wait) -> bool:
         """Bridgeport: a damaged name is no name, so nothing is sent until the operator asks again."""
