@@ -97,3 +97,13 @@ def test_what_is_handed_over_after_a_stop_is_counted_until_it_may_go_on() -> Non
     tap._hear(b"\x11", 0)
     tap._write(b"after")
     assert (tap.after_stop, bytes(tap.sent)) == (2, b"beforeabafter")
+
+
+@pytest.mark.parametrize(("heard", "counted"), [(b"\x12\x13", 0), (b"\x13\x12", 0), (b"\x1277;D\x14\x13", 1)])
+def test_3_1_what_answers_dc2_is_no_text_that_xoff_could_stop(heard: bytes, counted: int) -> None:
+    """A control that is reset says DC2, DC3, DLE, and the answer to its DC2 may be on its way."""
+    codes = frozenset(b"\x10\x11\x12\x13\x14")
+    tap = Tap(stops=frozenset(b"\x13"), goes=frozenset(b"\x10\x11\x12"), opens=frozenset(b"\x12"), codes=codes)
+    tap._hear(heard, 0)
+    tap._write(b"\x11")
+    assert tap.after_stop == counted

@@ -21,3 +21,11 @@ def test_the_time_a_program_needs_at_most_covers_its_blocks(size: int, override:
     block_time = BlockTime(Speeds(override=override))
     blocks = program(size, 41_647, DataCode.ASCII).split(b"\n")
     assert sum(block_time(block) for block in blocks) <= scenario.run_time
+
+
+def test_a_host_that_looks_for_the_check_character_may_be_refused_as_often_as_that_takes() -> None:
+    """Two NAKs for each of seven candidates (4.2.1): a control that gives up after five cannot be learned from."""
+    drawn = [draw("bridgeport", "clean", seed).settings for seed in range(1, 400)]
+    searching = [settings.cnc for settings in drawn if settings.host.get("lrc") == "auto"]
+    assert searching
+    assert {words.get("nak_limit", "20") for words in searching} <= {"0", "20"}

@@ -253,6 +253,22 @@ def test_a_code_of_the_host_read_as_text(came: bytes | None, delivered: bytes, e
     assert bool(excuses.more([attempt], 1)) is excused
 
 
+@pytest.mark.parametrize(
+    ("delivered", "excused"),
+    [(b"%\n*\x11", True), (b"%*\n\x11", True), (b"%\n*\x11\x11", False), (b"%\n*#\x11", False), (b"%\n*", False)],
+)
+def test_a_code_of_the_host_read_as_text_among_what_was_made(delivered: bytes, excused: bool) -> None:
+    """One code was forged, one character made."""
+    damage: dict[str, Any] = {"wire": Wire.FROM_CONTROL, "place": 0, "sent": b"", "arrived": (b"\x12",)}
+    evidence, excuses = case("bridgeport", cnc={"mode": "L"}, **damage)
+    evidence.damages.append(Damage(16 * SECOND, "noise", Wire.FROM_HOST, 0, b"", (b"*",)))
+    attempt = evidence.attempts[0]
+    attempt.delivered[:] = delivered
+    attempt.got = len(delivered)
+    assert bool(excuses.more([attempt], 2)) is excused
+    assert not excuses.more([attempt], 3)
+
+
 @pytest.mark.parametrize(("last", "excused"), [(3, True), (4, False)])
 def test_the_last_of_many_like_codes_was_lost(last: int, excused: bool) -> None:
     evidence, excuses = case("bridgeport", wire=Wire.FROM_CONTROL, place=3, sent=b"\x06", arrived=())

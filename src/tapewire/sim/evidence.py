@@ -70,6 +70,8 @@ class Tap:
     """Characters that stop this end, as it reads them,"""
     goes: frozenset[int] = frozenset()
     """and those that let it go on, or end what it was doing."""
+    opens: frozenset[int] = frozenset()
+    """Behind these the other end has something to say, and until another code nothing stops this one."""
     codes: frozenset[int] = frozenset()
     """What counts as a code where codes are listened for."""
     last_codes: bytes = b""
@@ -77,6 +79,7 @@ class Tap:
     after_stop: int = 0
     """Characters handed over between one and the other."""
     _stopped: bool = False
+    _opened: bool = False
 
     def listen(self, link: Link) -> None:
         link.on_write = self._write if self.stops else self.sent.extend
@@ -100,7 +103,11 @@ class Tap:
             if self.codes and (found := last_codes(item, self.codes)):
                 self.last_codes = (self.last_codes + found)[-LAST_CODES:]
             for byte in item if self.stops else b"":
-                self._stopped = byte in self.stops or (self._stopped and byte not in self.goes)
+                if byte in self.stops:
+                    self._stopped = self._stopped or not self._opened
+                else:
+                    self._stopped = self._stopped and byte not in self.goes
+                    self._opened = byte in self.opens or (self._opened and byte not in self.codes)
         elif isinstance(item, Fault) and item.byte is not None:
             self.brought.append(item.byte)
 

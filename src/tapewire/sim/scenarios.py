@@ -83,6 +83,8 @@ class Codes:
     """These stop who sends a program,"""
     goes: frozenset[int] = frozenset(b"\x11\x12\x15\x16\x95\x96")
     """and these let him go on, or end or begin a transfer."""
+    opens: frozenset[int] = frozenset()
+    """With these a Bridgeport control announces a name or a program: XOFF is for a text of the host (3.1),"""
     answers: frozenset[int] = frozenset()
     """ACK and NAK,"""
     ends: frozenset[int] = frozenset()
@@ -153,6 +155,7 @@ class Scenario:
             all=_with_parity(stop | goes | ends | {table.ack}),
             stops=_with_parity(stop),
             goes=_with_parity(goes),
+            opens=_with_parity({table.open_write}),
             answers=_with_parity({table.ack, table.nak}),
             ends=_with_parity({table.text_end}),
             record_ends=frozenset({table.rec_end, table.rec_end_last}),

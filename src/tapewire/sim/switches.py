@@ -172,6 +172,9 @@ def _make_foreign(protocol: str, host: dict[str, str], cnc: dict[str, str], draw
             cnc.update({key: word for key, word in codes.items() if key != "cancel_tail"})
         if draws.happens(FOREIGN):
             host["lrc"] = "auto"
+            if cnc.get("nak_limit", "0") != "0":
+                # The host finds it by two NAKs for each of seven candidates, which the default allows.
+                del cnc["nak_limit"]
         if draws.happens(FOREIGN):
             host["closing_dc3"] = cnc["closing_dc3"] = "on"
     elif protocol.startswith("fanuc-a") and draws.happens(FOREIGN):

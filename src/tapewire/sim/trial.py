@@ -152,6 +152,7 @@ class Trial:
             self.evidence.host.codes = codes.all
             if self._sends:
                 self.evidence.host.stops, self.evidence.host.goes = codes.stops, codes.goes
+                self.evidence.host.opens = codes.opens
         self.evidence.host.listen(pair.host_link)
         self.evidence.cnc.listen(pair.cnc_link)
 

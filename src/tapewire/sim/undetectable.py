@@ -7,6 +7,7 @@ it. docs/simulator.md says in words what stands here.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from typing import Final
 
@@ -141,7 +142,7 @@ class Excuses:
             return self._content_a(attempt, wrong)
         if self._linked and self._sends:
             return self._content_linked(attempt)
-        if self._codes_as_text(attempt):
+        if self._beside_the_program(attempt):
             return _FORGED
         damage = self._program_damage(attempt, wrong)
         faithful = not self._sends or self._host_is_faithful(attempt, wrong)
@@ -260,26 +261,43 @@ class Excuses:
     def more(self, attempts: list[Attempt], surplus: int) -> str:
         """`surplus` characters more are with the control than were handed over. It reads on when its host has ended."""
         attempt = max(attempts, key=lambda attempt: attempt.got)
-        if 0 < surplus <= self._codes_as_text(attempt):
-            return _FORGED
-        damages = [damage for damage in self._unseen(Wire.FROM_HOST) if self._while_read(damage.moment, attempt)]
-        makers = [damage for damage in damages if len(damage.plain) > len(damage.sent)]
-        made = sum(len(damage.plain) - len(damage.sent) for damage in makers)
-        return makers[0].name if not self._is_a and 0 < surplus <= made else ""
+        if self._is_a or surplus <= 0:
+            return ""
+        makers = self._makers(attempt)
+        if surplus <= sum(len(damage.plain) - len(damage.sent) for damage in makers):
+            return makers[0].name
+        return _FORGED if surplus <= self._beside_the_program(attempt) else ""
 
-    def _codes_as_text(self, attempt: Attempt) -> int:
-        """Bridgeport: so many codes of the host are all that was taken beside the program. It answered what the control
-        had not said, and the control waited for text.
+    def _makers(self, attempt: Attempt) -> list[Damage]:
+        """What made characters for the control while it was in this reading."""
+        damages = [damage for damage in self._unseen(Wire.FROM_HOST) if self._while_read(damage.moment, attempt)]
+        return [damage for damage in damages if len(damage.plain) > len(damage.sent)]
+
+    def _beside_the_program(self, attempt: Attempt) -> int:
+        """Bridgeport: so many characters were taken beside those of the program, codes of the host and what was made on
+        the wire. The host answered what the control had not said, and that waited for text. 0: it is not so.
         """
         if self._is_a or self._is_b or not self._sends:
             return 0
-        got, hit = bytes(attempt.delivered), self._unseen(Wire.FROM_CONTROL)
-        forged = any(
-            self._codes.all & (set(damage.sent) | set(damage.plain)) and self._while_read(damage.moment, attempt)
-            for damage in hit
+        codes, program = self._codes.all, self._evidence.program
+        answers = sum(
+            bool(codes & (set(damage.sent) | set(damage.plain))) and self._while_read(damage.moment, attempt)
+            for damage in self._unseen(Wire.FROM_CONTROL)
         )
-        whole = text_of(self._evidence.program).startswith(text_of(got))
-        return len(got) - len(text_of(got)) if forged and whole else 0
+        made = Counter(byte & 0x7F for damage in self._makers(attempt) for byte in damage.plain)
+        at = beside = answered = 0
+        for byte in attempt.delivered:
+            if program[at : at + 1] == bytes((byte,)):
+                at += 1
+                continue
+            beside += 1
+            if made[byte & 0x7F]:
+                made[byte & 0x7F] -= 1
+            elif byte in codes:
+                answered += 1
+            else:
+                return 0
+        return beside if 0 < answered <= answers else 0
 
     def _while_read(self, moment: Nanos, attempt: Attempt) -> bool:
         """The control was in this reading."""

@@ -49,6 +49,31 @@ class TestADatThatHasNotLeft:
         assert bench.wait(1.5) == b""
         assert bench.host.progress == 1
 
+    @pytest.mark.parametrize("recalled", [0, 7, 100])
+    def test_4_1_after_er_off_what_is_out_of_a_dat_is_ended_before_anything_else_is_said(self, recalled: int) -> None:
+        """There is no mark where a message begins: SYN would be the end of the DAT, if the sum happens to fit."""
+        bench, _ = begun(0)
+        said = bench.host.data_to_send(100)
+        bench.host.data_sent(len(said), bench.now)
+        bench.host.receive_signals(SignalsIn(dsr=False), bench.now)
+        bench.host.data_discarded(recalled, bench.now)
+        bench.host.data_left(len(said) - recalled, bench.now)
+        said = said[: len(said) - recalled] + bench.wait(8)
+        assert said.count(b"07SYN") == 1
+        reader = MessageReader(Coding())
+        position, reading = reader.read(said)
+        assert isinstance(reading, Unreadable) is (recalled < 100)
+        if recalled < 100:
+            position, reading = reader.read(said, position)
+        assert reading == Message(command=Command.SYN)
+
+    def test_4_3_1_a_control_that_comes_back_by_syn_waits_for_no_rest(self) -> None:
+        bench, _ = begun(100)
+        bench.host.receive_signals(SignalsIn(dsr=False), bench.now)
+        bench.pull()
+        bench.host.receive_signals(SignalsIn(), bench.now)
+        assert bench.answer(Command.SYN) == Message(command=Command.SYN)
+
     def test_er_off_ends_a_packet(self) -> None:
         bench = Bench(expansion=True, n="1")
         bench.host.receive_signals(SignalsIn(), bench.now)

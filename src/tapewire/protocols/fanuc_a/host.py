@@ -219,6 +219,7 @@ class FanucAHost(HostLine):
         """SYN, RDY: power-on, or an open-line error of the control (4.6 1)). We are always ready."""
         self._interrupt(Outcome.FAILED, f"the control was initialised anew ({command.value})", now)
         self._begin_anew()
+        self._outbox.begin_anew()
         self._stand_at_beginning()
         self._say(command)
 
@@ -264,9 +265,7 @@ class FanucAHost(HostLine):
             self._say(Command.SET, self._agreement.set_data())
 
     def _hear_parameters(self, status: Status) -> None:
-        """A digit lost and one doubled keep the sum: what no control can have (4.5) would make its silence last for
-        hours, and its Ne nothing.
-        """
+        """A 0 lost and another doubled keep the sum; no Tp of hours and no Ne of 0 shall come of that (4.5)."""
         if out := status.parameters.out_of_range():
             self._events.put(Violation(what=f"SAT with {out}: its parameters are not believed"))
             return

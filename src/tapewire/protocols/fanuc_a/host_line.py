@@ -134,7 +134,7 @@ class HostLine(ABC):
         if self._er and not signals.dsr:
             self._interrupt(Outcome.FAILED, "the control's ER fell: it lost power or gave up the line", now)
             self._streaming.close()
-            self._outbox.put(b"")
+            self._outbox.abandon()
         self._er = signals.dsr
         self._settle(now)
 

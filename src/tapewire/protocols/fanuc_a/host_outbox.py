@@ -45,6 +45,7 @@ class Outbox:
         self._span: Span | None = None
         self._is_message = False
         self._broken: _Broken | None = None
+        self._abandoned: _Broken | None = None
         self._begun_at: Nanos = 0
         self._begun_count = 0
         self.in_flight = 0
@@ -65,7 +66,8 @@ class Outbox:
         """Say this message now. One of which a part is out is ended first, and so that the control can take nothing of
         it: what follows would otherwise count as the rest of it, with nothing but the sum to tell them apart.
         """
-        broken = self._part_out()
+        broken = self._part_out() or self._abandoned
+        self._abandoned = None
         self.put(message, span)
         self._is_message = True
         self._broken = broken
@@ -75,6 +77,15 @@ class Outbox:
         broken = self._part_out()
         self.put(b"")
         self._broken = broken
+
+    def abandon(self) -> None:
+        """Say nothing more. A message of which a part is out is ended when something is said again."""
+        self._abandoned = self._part_out() or self._abandoned
+        self.put(b"")
+
+    def begin_anew(self) -> None:
+        """The control has been initialised: it waits for the rest of nothing."""
+        self._abandoned = None
 
     def _part_out(self) -> _Broken | None:
         broken = self._broken
@@ -153,9 +164,9 @@ class Outbox:
         self.in_flight = max(0, self.in_flight - count)
         before = count - self._offset
         self._offset = max(0, -before)
-        if self._broken is not None and before > 0:
-            out = self._broken.out - before
-            self._broken = _Broken(self._coding, self._broken.message, out) if out > 0 else None
+        if before > 0:
+            self._broken = _shortened(self._broken, before)
+            self._abandoned = _shortened(self._abandoned, before)
 
     @property
     def quiet_time(self) -> Nanos:
@@ -171,9 +182,10 @@ class _Broken:
     something else.
     """
 
-    __slots__ = ("ending", "message", "out")
+    __slots__ = ("coding", "ending", "message", "out")
 
     def __init__(self, coding: Coding, message: bytes, out: int) -> None:
+        self.coding = coding
         self.message = message
         self.out = out
         if out == len(message):
@@ -183,3 +195,10 @@ class _Broken:
         if coding.encode(checksum(body[2:] + coding.end_byte)) == body[:2]:
             body += b"0"
         self.ending = body[out:] + coding.end_byte
+
+
+def _shortened(broken: _Broken | None, count: int) -> _Broken | None:
+    """`count` characters of it were called back."""
+    if broken is None or broken.out <= count:
+        return None
+    return _Broken(broken.coding, broken.message, broken.out - count)
