@@ -15,7 +15,7 @@ from tapewire.engine import Outcome
 from tapewire.protocols.bridgeport.cnc import BridgeportCnc
 from tapewire.protocols.bridgeport.cnc_records import Record
 from tapewire.protocols.bridgeport.host import BridgeportHost
-from tapewire.protocols.bridgeport.host_job import Job as BridgeportJob
+from tapewire.protocols.bridgeport.host_job import _Ending
 from tapewire.protocols.bridgeport.host_transmission import LinkRecords
 from tapewire.protocols.fanuc_a import messages as fanuc_a_messages
 from tapewire.protocols.fanuc_a import packets as fanuc_a_packets
@@ -445,7 +445,7 @@ MUTANTS: tuple[Mutant, ...] = (
         name="Bridgeport: bytes_low counts what was handed over",
         protocol=_BP,
         presets=_WORN,
-        spoils=((BridgeportJob, "_delivered", _delivered_is_handed_over),),
+        spoils=((_Ending, "delivered", _delivered_is_handed_over),),
     ),
     Mutant(
         name="Bridgeport: DLE ignored",
