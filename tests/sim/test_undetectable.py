@@ -269,6 +269,18 @@ def test_a_code_of_the_host_read_as_text_among_what_was_made(delivered: bytes, e
     assert not excuses.more([attempt], 3)
 
 
+@pytest.mark.parametrize(("cut_short", "excused"), [([14], True), ([0], False), ([], False)])
+def test_a_dat_whose_host_ended_in_the_middle(cut_short: list[int], excused: bool) -> None:
+    """4.1: no mark says where a message begins, so the SYN of the next process ends the DAT, and here the sum fits."""
+    evidence, excuses = case("fanuc-a")
+    body = b"DAT%\nN1 X1\n07SYN\r"
+    evidence.host.sent[:] = evidence.cnc.brought[:] = b"%02X" % (sum(body) & 0xFF) + body
+    evidence.cut_short += cut_short
+    attempt = evidence.attempts[0]
+    attempt.delivered[:] = body[3:-1]
+    assert bool(excuses.content(attempt, 8, body[3:-1])) is excused
+
+
 @pytest.mark.parametrize(("last", "excused"), [(3, True), (4, False)])
 def test_the_last_of_many_like_codes_was_lost(last: int, excused: bool) -> None:
     evidence, excuses = case("bridgeport", wire=Wire.FROM_CONTROL, place=3, sent=b"\x06", arrived=())

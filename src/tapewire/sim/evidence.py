@@ -5,6 +5,7 @@ The checkers judge by this and nothing else, so that an engine cannot talk its w
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
@@ -197,6 +198,8 @@ class Evidence:
     attempts: list[Attempt] = field(default_factory=list)
     jobs: list[Job] = field(default_factory=list)
     last_disturbance: Nanos = 0
+    cut_short: list[int] = field(default_factory=list)
+    """Where in what the host has sent its process ended, in the middle of a message or not."""
     control_ends: list[tuple[Nanos, Outcome]] = field(default_factory=list)
     """How the operations of the control ended."""
     waits: list[Wait] = field(default_factory=list)
@@ -241,6 +244,13 @@ class Evidence:
         """Nobody and nothing interfered with the first job but what happened to characters."""
         job = self.jobs[0] if self.jobs else None
         return job is not None and not any(moment <= job.ended or job.complete is None for moment, _ in self.acts)
+
+    @property
+    def host_messages(self) -> bytes:
+        """What the host has sent, with an end of a message of protocol A wherever its process ended."""
+        sent = bytes(self.host.sent)
+        places = [0, *self.cut_short, len(sent)]
+        return b"\x0d\x8d\x03".join(sent[begin:end] for begin, end in itertools.pairwise(places))
 
     def unseen(self, wire: Wire) -> list[Damage]:
         return [damage for damage in self.on(wire) if damage.unseen]

@@ -439,6 +439,7 @@ class Trial:
     def _host_returns(self) -> None:
         """The program starts anew, with nothing armed: it resumes nothing by itself."""
         self.evidence.last_disturbance = max(self.evidence.last_disturbance, self.world.now)
+        self.evidence.cut_short.append(len(self.evidence.host.sent))
         self.pair.restart_host(self.world.now)
         self.evidence.host.listen(self.pair.host_link)
 

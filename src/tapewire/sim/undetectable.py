@@ -151,10 +151,11 @@ class Excuses:
         return damage.name
 
     def _content_a(self, attempt: Attempt, wrong: int) -> str:
-        if not self._evidence.on(Wire.FROM_HOST) and not self._evidence.on(Wire.FROM_CONTROL):
+        evidence = self._evidence
+        if not (evidence.on(Wire.FROM_HOST) or evidence.on(Wire.FROM_CONTROL) or evidence.cut_short):
             return ""
-        brought = bytes(self._evidence.cnc.brought[attempt.brought :])
-        if cancelled_sums(bytes(self._evidence.host.sent), brought, self._n):
+        brought = bytes(evidence.cnc.brought[attempt.brought :])
+        if cancelled_sums(evidence.host_messages, brought, self._n):
             return "a sum of eight bits that cancels"
         return self._lost_packets(attempt, wrong)
 
