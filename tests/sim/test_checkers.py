@@ -43,16 +43,16 @@ def test_a_damage_is_unseen_when_nothing_marks_it(seen: Damage, name: str, unsee
 
 
 def test_a_sum_that_cancels_is_found_and_a_wrong_one_is_not() -> None:
-    assert not cancelled_sums(GTD + SYN, GTD + SYN, 0)
-    assert not cancelled_sums(GTD, b"ECGTE\r", 0), "one bit more: the sum is wrong"
-    assert cancelled_sums(GTD, b"ECGUC\r", 0), "one up, one down: the sum is right"
+    assert not cancelled_sums([GTD + SYN], GTD + SYN, 0)
+    assert not cancelled_sums([GTD], b"ECGTE\r", 0), "one bit more: the sum is wrong"
+    assert cancelled_sums([GTD], b"ECGUC\r", 0), "one up, one down: the sum is right"
 
 
 def test_a_packet_whose_sum_cancels_is_found_and_a_wrong_one_is_not() -> None:
     packet = encode_packet(0x30, b"N1 X1.\n".ljust(256), 1)
-    assert not cancelled_sums(packet, packet, 1)
-    assert not cancelled_sums(packet, packet.replace(b"X1", b"X3"), 1)
-    assert cancelled_sums(packet, packet.replace(b"N1 X1", b"N2 X0"), 1)
+    assert not cancelled_sums([packet], packet, 1)
+    assert not cancelled_sums([packet], packet.replace(b"X1", b"X3"), 1)
+    assert cancelled_sums([packet], packet.replace(b"N1 X1", b"N2 X0"), 1)
 
 
 @pytest.mark.parametrize("lrc", list(LRC_CANDIDATES))

@@ -246,11 +246,11 @@ class Evidence:
         return job is not None and not any(moment <= job.ended or job.complete is None for moment, _ in self.acts)
 
     @property
-    def host_messages(self) -> bytes:
-        """What the host has sent, with an end of a message of protocol A wherever its process ended."""
+    def host_lives(self) -> list[bytes]:
+        """What the host has sent, from one beginning of its process to the next."""
         sent = bytes(self.host.sent)
         places = [0, *self.cut_short, len(sent)]
-        return b"\x0d\x8d\x03".join(sent[begin:end] for begin, end in itertools.pairwise(places))
+        return [sent[begin:end] for begin, end in itertools.pairwise(places)]
 
     def unseen(self, wire: Wire) -> list[Damage]:
         return [damage for damage in self.on(wire) if damage.unseen]

@@ -5,6 +5,7 @@ Written from the manuals, not with the engines' readers: an engine that forgets 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import accumulate
 from typing import Final
 
@@ -23,15 +24,18 @@ _HEX: Final = {bytes((digit,)): value for value, digit in enumerate(b"0123456789
 _LRC_XOR_BITS: Final = 0x7F
 
 
-def cancelled_sums(sent: bytes, brought: bytes, n: int) -> bool:
-    """Some message of protocol A, or data packet of 256 `n` bytes, was brought that was not sent, with a right sum."""
-    return _messages(brought, sent) or (n > 0 and _packets(brought, sent, 256 * n + 4))
+def cancelled_sums(sent: Sequence[bytes], brought: bytes, n: int) -> bool:
+    """Some message of protocol A, or data packet of 256 `n` bytes, was brought that was not sent, with a right sum.
+
+    No message of one piece of `sent` goes on in the next.
+    """
+    return _messages(brought, sent) or (n > 0 and _packets(brought, b"".join(sent), 256 * n + 4))
 
 
-def _messages(brought: bytes, sent: bytes) -> bool:
+def _messages(brought: bytes, sent: Sequence[bytes]) -> bool:
     """4.1: the sum of all from the command to the end code, in two digits before it; ISO puts parity into bit 8."""
     for end in (b"\x0d", b"\x8d", b"\x03"):
-        known = set(sent.split(end))
+        known = {text for piece in sent for text in piece.split(end)}
         for text in brought.split(end):
             if text not in known and len(text) >= 5 and _digits(text[:2]) == sum(text[2:] + end) & 0xFF:
                 return True

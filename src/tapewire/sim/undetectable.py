@@ -155,7 +155,7 @@ class Excuses:
         if not (evidence.on(Wire.FROM_HOST) or evidence.on(Wire.FROM_CONTROL) or evidence.cut_short):
             return ""
         brought = bytes(evidence.cnc.brought[attempt.brought :])
-        if cancelled_sums(evidence.host_messages, brought, self._n):
+        if cancelled_sums(evidence.host_lives, brought, self._n):
             return "a sum of eight bits that cancels"
         return self._lost_packets(attempt, wrong)
 
@@ -237,7 +237,7 @@ class Excuses:
         """What the control said of itself in the time of `job` came otherwise."""
         if self._is_a:
             heard = bytes(self._evidence.host.brought)
-            return "a sum of eight bits that cancels" * cancelled_sums(bytes(self._evidence.cnc.sent), heard, 0)
+            return "a sum of eight bits that cancels" * cancelled_sums([bytes(self._evidence.cnc.sent)], heard, 0)
         return _FORGED if self._codes_hit(Wire.FROM_CONTROL, self._codes.all, job) else ""
 
     def less(self, attempts: list[Attempt], job: Job, missing: int) -> str:
