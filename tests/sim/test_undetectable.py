@@ -354,3 +354,14 @@ def test_a_reset_that_ended_the_waiting_is_not_what_the_host_took_for_a_stop(
     heard = b"\x11\x13"
     wait = Wait(who=who, job=evidence.jobs[0], attempt=evidence.attempts[0], said=heard, heard=heard)
     assert bool(excuses.waiting("host", wait)) is excused
+
+
+@pytest.mark.parametrize(
+    ("since_ms", "until_ms", "excused"),
+    [(19_000, 19_900, True), (19_850, 19_900, False), (17_000, 18_000, False), (19_000, 20_500, False)],
+)
+def test_what_ended_the_job_was_said_while_the_computer_slept(since_ms: int, until_ms: int, excused: bool) -> None:
+    """The job ends at 20 s; a host reckons with 100 ms."""
+    evidence, excuses = case()
+    evidence.sleeps.append((since_ms * MILLISECOND, until_ms * MILLISECOND))
+    assert bool(excuses.less(evidence.attempts, evidence.jobs[0], 5)) is excused

@@ -195,6 +195,8 @@ class Evidence:
     damages: list[Damage] = field(default_factory=list)
     acts: list[tuple[Nanos, str]] = field(default_factory=list)
     """What persons did, and what happened to the ends."""
+    sleeps: list[tuple[Nanos, Nanos]] = field(default_factory=list)
+    """From when to when the host's computer did nothing."""
     attempts: list[Attempt] = field(default_factory=list)
     jobs: list[Job] = field(default_factory=list)
     last_disturbance: Nanos = 0

@@ -180,6 +180,10 @@ class Trial:
     def _cnc_event(self, event: Event, now: Nanos) -> None:
         if isinstance(event, Ended):
             self._step(now)
+            if self._busy and self._sends and self.scenario.protocol.startswith("fanuc-b"):
+                # What came together with the damage that ends the reading was never seen in its buffer.
+                attempt = self.evidence.attempts[-1]
+                attempt.got = max(attempt.got, event.bytes_high)
             self.evidence.control_ends.append((now, event.outcome))
             self._busy = False
         elif isinstance(event, AfterStop):
@@ -365,7 +369,7 @@ class Trial:
             case Act.ABORT if not pair.host_side.off:
                 pair.host.abort(now)
             case Act.STALL:
-                pair.host_side.asleep_until = now + act.span
+                self._sleep(now + act.span)
             case Act.PAUSE if not pair.host_side.off:
                 pair.host.hold_reception(now)
                 self.world.at(now + act.span, lambda: self._release(pair.host_side.off))
@@ -408,7 +412,7 @@ class Trial:
         self.evidence.note_end_fault(fault, now)
         match fault:
             case StepClock(end=LineEnd.HOST, step=step):
-                pair.host_side.asleep_until = max(pair.host_side.asleep_until, now + step)
+                self._sleep(max(pair.host_side.asleep_until, now + step))
             case RestartProcess(off=off) if not pair.host_side.off:
                 self._host_dies()
                 pair.kill_host(now)
@@ -423,6 +427,11 @@ class Trial:
                 self.world.at(now + off, self._control_returns)
             case _:
                 pass
+
+    def _sleep(self, until: Nanos) -> None:
+        """The host's computer does nothing before."""
+        self.pair.host_side.asleep_until = until
+        self.evidence.sleeps.append((self.world.now, until))
 
     def _note_cut(self, cut: Cut, wire: Wire) -> None:
         """What was under way counts as sent if something was read of it, and as damaged if that is something else."""

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from tapewire.codes import EOR_CODES
-from tapewire.engine import Nanos, Outcome
+from tapewire.engine import SECOND, Nanos, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.line.pacing import character_time
 from tapewire.line.paths import PATHS
@@ -39,6 +39,9 @@ _NAME_CHARACTERS: Final = 24
 
 _LETS_GO: Final = frozenset(b"\x11\x15\x18")
 """DC1, NAK, CAN: what a host that is held by DC3 obeys (5.3)."""
+
+_LEAVING: Final[Nanos] = 1 * SECOND
+"""Between what ends a job and its end: what had been handed over leaves, or is called back."""
 
 _STALLS: Final = frozenset({Act.STALL.value, "clock step: host"})
 
@@ -255,9 +258,15 @@ class Excuses:
             wrong = first_difference(bytes(attempt.delivered), self._evidence.expected)
             if wrong is not None and (lost_packets := self._lost_packets(attempt, wrong)):
                 return lost_packets
-        if any(self._in_time(damage.moment, job) for damage in self._evidence.damages if damage.kind == "late stop"):
+        late_stop = any(self._in_time(hit.moment, job) for hit in self._evidence.damages if hit.kind == "late stop")
+        if late_stop or self._overslept(job):
             return "a word of the control that is heard later than 100 ms"
         return self.told_wrongly(job)
+
+    def _overslept(self, job: Job) -> bool:
+        """What ended the job was said while the host's computer slept for longer than a host reckons with."""
+        sleeps = self._evidence.sleeps
+        return any(until - since > HEARD_LATE and until <= job.ended <= until + _LEAVING for since, until in sleeps)
 
     def more(self, attempts: list[Attempt], surplus: int) -> str:
         """`surplus` characters more are with the control than were handed over. It reads on when its host has ended."""
