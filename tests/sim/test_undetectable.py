@@ -269,6 +269,14 @@ def test_a_code_of_the_host_read_as_text_among_what_was_made(delivered: bytes, e
     assert not excuses.more([attempt], 3)
 
 
+@pytest.mark.parametrize(("after_ms", "excused"), [(5, True), (5000, False)])
+def test_a_name_that_came_otherwise(after_ms: int, excused: bool) -> None:
+    moment = 10 * SECOND + after_ms * MILLISECOND
+    evidence, excuses = case("bridgeport", moment=moment, wire=Wire.FROM_CONTROL, place=0, sent=b"", arrived=(b"~",))
+    assert bool(excuses.less(evidence.attempts, evidence.jobs[0], 10)) is excused
+    assert bool(excuses.short(evidence.attempts[0], evidence.jobs[0])) is excused
+
+
 @pytest.mark.parametrize(("cut_short", "excused"), [([14], True), ([0], False), ([], False)])
 def test_a_dat_whose_host_ended_in_the_middle(cut_short: list[int], excused: bool) -> None:
     """4.1: no mark says where a message begins, so the SYN of the next process ends the DAT, and here the sum fits."""

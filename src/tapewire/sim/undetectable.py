@@ -46,6 +46,7 @@ _LEAVING: Final[Nanos] = 1 * SECOND
 _STALLS: Final = frozenset({Act.STALL.value, "clock step: host"})
 
 _FORGED: Final = "a control code lost or forged"
+_OTHER_NAME: Final = "a program name that came otherwise"
 _DC3: Final = b"\x13"
 
 SILENT_ALARM: Final = "an alarm that is told only at RESET (6.4 note 1)"
@@ -222,9 +223,21 @@ class Excuses:
             return dark
         if attempt is not None and self._ends_alike(attempt, job):
             return "an alarm or a reset behind the last characters, without posting"
-        if self._scenario.protocol == "bridgeport" and self._codes_hit(Wire.FROM_CONTROL, _BRIDGEPORT_NAME, job):
-            return "a program name that came otherwise"
+        hit = self._name_changed(attempt) or self._codes_hit(Wire.FROM_CONTROL, _BRIDGEPORT_NAME, job)
+        if self._scenario.protocol == "bridgeport" and hit:
+            return _OTHER_NAME
         return self.told_wrongly(job)
+
+    def _name_changed(self, attempt: Attempt | None) -> bool:
+        """Bridgeport: the letter says which of the two the control wants (2.1.2, 2.2.2)."""
+        if self._is_a or self._is_b or attempt is None:
+            return False
+        damages = self._unseen(Wire.FROM_CONTROL)
+        return any(self._says_its_name(damage.moment, attempt) for damage in damages)
+
+    def _says_its_name(self, moment: Nanos, attempt: Attempt) -> bool:
+        """The control names the program, and asks for it."""
+        return attempt.began <= moment <= attempt.began + _NAME_CHARACTERS * character_time(self._scenario.baud)
 
     def _ends_alike(self, attempt: Attempt, job: Job) -> bool:
         """Without posting the end of a reading, an alarm and a reset say DC3 and turn ER OFF alike (6.1.1), which may
@@ -261,7 +274,7 @@ class Excuses:
         late_stop = any(self._in_time(hit.moment, job) for hit in self._evidence.damages if hit.kind == "late stop")
         if late_stop or self._overslept(job):
             return "a word of the control that is heard later than 100 ms"
-        return self.told_wrongly(job)
+        return _OTHER_NAME if self._name_changed(attempt) else self.told_wrongly(job)
 
     def _overslept(self, job: Job) -> bool:
         """What ended the job was said while the host's computer slept for longer than a host reckons with."""
@@ -425,8 +438,7 @@ class Excuses:
         attempt, evidence = wait.attempt, self._evidence
         if self._is_a or self._is_b or not self._sends or attempt is None:
             return False
-        said_by = attempt.began + _NAME_CHARACTERS * character_time(self._scenario.baud)
-        hit = any(attempt.began <= damage.moment <= said_by for damage in evidence.on(Wire.FROM_CONTROL))
+        hit = any(self._says_its_name(damage.moment, attempt) for damage in evidence.on(Wire.FROM_CONTROL))
         return hit and not text_of(self._handed_over(attempt))
 
     def _touched(self, job: Job) -> bool:

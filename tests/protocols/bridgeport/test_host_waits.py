@@ -174,6 +174,17 @@ def test_an_unusual_name_is_served_as_its_length_asks_for() -> None:
         assert rig.say(DC1).startswith(first)
 
 
+@pytest.mark.parametrize(("word", "low"), [(b"A77;D", 0), (b"77;L", len(P))])
+def test_2_1_2_without_its_letter_nothing_is_certain_to_be_with_the_control(word: bytes, low: int) -> None:
+    """It may have asked for DNC LINK, and then keeps nothing that is not of a record."""
+    rig = Rig().name(word)
+    assert rig.say(DC1) == P + EOT
+    rig.now += SECOND // 2
+    rig.hear(DLE)
+    assert rig.end is not None
+    assert (rig.end.outcome, rig.end.bytes_low, rig.end.bytes_high) == (Outcome.CANCELLED, low, len(P))
+
+
 @pytest.mark.parametrize("stray", [b"\x00", b"\x7f", b"\x03", b"\x18"])
 def test_what_is_no_text_begins_no_program_as_to_a_tape_punch(stray: bytes) -> None:
     rig, sink = Rig(None, punch_mode="on"), BytesIO()

@@ -234,7 +234,8 @@ class Job:
             text.fill(LINK_TEXT_BYTES + 1)
             mode = Mode.LOAD if len(text.ahead) <= LINK_TEXT_BYTES else Mode.LINK
         if mode is Mode.LOAD:
-            self._transmission = LoadText(text, self._params, named=name is not None)
+            guessed = name is not None and name.mode is None
+            self._transmission = LoadText(text, self._params, named=name is not None, guessed=guessed)
         else:
             self._transmission = LinkRecords(text, self._params)
         self._reception = None

@@ -64,11 +64,13 @@ class Transmission(Protocol):
 
 
 class LoadText:
-    """REMOTE LOAD. All of it is read before the first byte goes out, so a text too long sends nothing (2.1.1)."""
+    """REMOTE LOAD. All of it is read before the first byte goes out, so a text too long sends nothing (2.1.1).
 
-    proven: int | None = None
+    `guessed`: the name did not say which of the two the control wants, and by DNC LINK it keeps nothing of this.
+    """
 
-    def __init__(self, text: Text, params: Params, *, named: bool) -> None:
+    def __init__(self, text: Text, params: Params, *, named: bool, guessed: bool = False) -> None:
+        self.proven: int | None = 0 if guessed else None
         self._text = text
         self._end_code = bytes([params.text_end])
         self._ends = named or params.dumb_eot is Switch.ON
