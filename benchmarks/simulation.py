@@ -1,6 +1,9 @@
 """How fast simulated time goes by: seconds of line for a second of computer, transfers a second, and what bounds them.
 
-    python -m benchmarks.simulation
+    python -m benchmarks.compiled build/compiled
+    python -m benchmarks.simulation build/compiled
+
+measures the source as it is, and compiled; without a folder, the source alone.
 
 Processor time is counted, not time on the wall: a machine that does other work beside says the same.
 """
@@ -8,11 +11,16 @@ Processor time is counted, not time on the wall: a machine that does other work 
 from __future__ import annotations
 
 import cProfile
+import json
+import os
 import pstats
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from io import BytesIO
+from pathlib import Path
 
 from benchmarks.report import table, write_section
 from tapewire.codes import DataCode
@@ -105,21 +113,32 @@ def profile() -> list[list[str]]:
     return [[f"`{name[2]}` ({name[0].rsplit('/', 1)[-1]})", f"{own[2] / total:.0%}"] for name, own in entries]
 
 
-def verdict(speed: float, goal: int) -> str:
-    return "reached" if speed >= goal else "not reached"
+def measured() -> dict[str, list[float]]:
+    """Of each line its speed, of each protocol its transfers and hours."""
+    speeds = {kind.name: [simulated_seconds(kind.size, **kind.machine)] for kind in KINDS}
+    return speeds | {name: list(transfers(name)) for name in PROTOCOLS}
+
+
+def compiled(folder: Path) -> dict[str, list[float]]:
+    """The same by another process, with the modules of `folder`."""
+    paths = os.pathsep.join([str(folder.resolve()), *sys.path])
+    command = [sys.executable, "-c", "import benchmarks.simulation as it, json; print(json.dumps(it.measured()))"]
+    done = subprocess.run(command, env={**os.environ, "PYTHONPATH": paths}, check=True, stdout=subprocess.PIPE)
+    figures: dict[str, list[float]] = json.loads(done.stdout)
+    return figures
 
 
 def main() -> None:
-    speeds = [(kind, simulated_seconds(kind.size, **kind.machine)) for kind in KINDS]
-    rates = [[name, *(f"{figure:.1f}" for figure in transfers(name))] for name in PROTOCOLS]
+    runs = {"as it is": measured()}
+    if sys.argv[1:]:
+        runs["compiled"] = compiled(Path(sys.argv[1]))
+    lines = [[kind.name, *(f"{run[kind.name][0]:,.0f}" for run in runs.values()), f"{kind.goal:,}"] for kind in KINDS]
+    rates = [[name, *(f"{figure:.1f}" for run in runs.values() for figure in run[name])] for name in PROTOCOLS]
     text = (
         ABOUT
-        + table(
-            ["line", "simulated seconds a second", "goal", ""],
-            [[kind.name, f"{speed:,.0f}", f"{kind.goal:,}", verdict(speed, kind.goal)] for kind, speed in speeds],
-        )
+        + table(["line", *(f"simulated seconds a second, {run}" for run in runs), "goal"], lines)
         + "\n\nTransfers of a campaign (all presets, sizes as drawn) for one processor:\n\n"
-        + table(["protocol", "transfers a second", "simulated hours a second"], rates)
+        + table(["protocol", *(f"{unit}, {run}" for run in runs for unit in ("transfers a second", "hours"))], rates)
         + f"\n\n{BOUNDS}"
         + table(["function", "own share of the time"], profile())
     )
