@@ -269,10 +269,15 @@ def test_a_code_of_the_host_read_as_text_among_what_was_made(delivered: bytes, e
     assert not excuses.more([attempt], 3)
 
 
-@pytest.mark.parametrize(("after_ms", "excused"), [(5, True), (5000, False)])
-def test_a_name_that_came_otherwise(after_ms: int, excused: bool) -> None:
+@pytest.mark.parametrize(
+    ("after_ms", "asked", "excused"),
+    [(5, 10, True), (5000, 10, False), (4000, 14, True), (4000, 0, False), (4500, 14, False)],
+)
+def test_a_name_that_came_otherwise(after_ms: int, asked: int, excused: bool) -> None:
+    """The control asks when the host has answered its DC2, which may take it seconds."""
     moment = 10 * SECOND + after_ms * MILLISECOND
     evidence, excuses = case("bridgeport", moment=moment, wire=Wire.FROM_CONTROL, place=0, sent=b"", arrived=(b"~",))
+    evidence.attempts[0].asked = asked * SECOND
     assert bool(excuses.less(evidence.attempts, evidence.jobs[0], 10)) is excused
     assert bool(excuses.short(evidence.attempts[0], evidence.jobs[0])) is excused
 

@@ -140,6 +140,8 @@ class Attempt:
     """What came out at the other end."""
     got: int = 0
     """The most of the program that was ever there: taken, or in the buffer."""
+    asked: Nanos = 0
+    """When a Bridgeport control, behind the name, had handed over its request."""
 
 
 @dataclass(slots=True)

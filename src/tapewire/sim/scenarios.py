@@ -85,6 +85,8 @@ class Codes:
     """and these let him go on, or end or begin a transfer."""
     opens: frozenset[int] = frozenset()
     """With these a Bridgeport control announces a name or a program: XOFF is for a text of the host (3.1),"""
+    requests: frozenset[int] = frozenset()
+    """and with these it asks for one;"""
     answers: frozenset[int] = frozenset()
     """ACK and NAK,"""
     ends: frozenset[int] = frozenset()
@@ -156,6 +158,7 @@ class Scenario:
             stops=_with_parity(stop),
             goes=_with_parity(goes),
             opens=_with_parity({table.open_write}),
+            requests=_with_parity({table.read_request}),
             answers=_with_parity({table.ack, table.nak}),
             ends=_with_parity({table.text_end}),
             record_ends=frozenset({table.rec_end, table.rec_end_last}),

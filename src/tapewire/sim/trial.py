@@ -104,6 +104,7 @@ class Trial:
         self._sends = scenario.direction is Direction.SEND
         self._busy = False
         """The control is in an operation."""
+        self._requests = scenario.codes.requests
         self._host_gone = False
         self._taken = _Taken(self.evidence)
         self._extent = Extent(characters=scenario.size + HANDSHAKE, span=scenario.line_time + 2 * SECOND)
@@ -163,6 +164,11 @@ class Trial:
             got = max(cnc.progress + cnc.buffered, len(attempt.delivered))
             if got > attempt.got:
                 attempt.got = got
+            if self._requests and not attempt.asked and self._has_asked(attempt):
+                attempt.asked = now
+
+    def _has_asked(self, attempt: Attempt) -> bool:
+        return not self._requests.isdisjoint(self.evidence.cnc.sent[attempt.heard :])
 
     def _host_event(self, event: Event, now: Nanos) -> None:
         if isinstance(event, Ended) and self._job is not None:

@@ -237,8 +237,9 @@ class Excuses:
         return any(self._says_its_name(damage.moment, attempt) for damage in damages)
 
     def _says_its_name(self, moment: Nanos, attempt: Attempt) -> bool:
-        """The control names the program, and asks for it."""
-        return attempt.began <= moment <= attempt.began + _NAME_CHARACTERS * character_time(self._scenario.baud)
+        """The control names the program, and asks for it, which it does later where a host that stalls answers late."""
+        on_the_line = _NAME_CHARACTERS * character_time(self._scenario.baud)
+        return attempt.began <= moment <= max(attempt.began, attempt.asked) + on_the_line
 
     def told_wrongly(self, job: Job) -> str:
         """What the control said of itself in the time of `job` came otherwise."""
