@@ -11,7 +11,7 @@ from tapewire.engine import MILLISECOND, SECOND, LineFault, Nanos, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.line.transport import Fault
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
-from tapewire.sim.scenarios import Direction, draw
+from tapewire.sim.scenarios import Act, Direction, OperatorAct, draw
 from tapewire.sim.switches import Settings
 from tapewire.sim.undetectable import SILENT_ALARM, Excuses, first_difference
 
@@ -378,3 +378,45 @@ def test_what_ended_the_job_was_said_while_the_computer_slept(since_ms: int, unt
     evidence, excuses = case()
     evidence.sleeps.append((since_ms * MILLISECOND, until_ms * MILLISECOND))
     assert bool(excuses.less(evidence.attempts, evidence.jobs[0], 5)) is excused
+
+
+@pytest.mark.parametrize(
+    ("kind", "posting", "excused"), [("late stop", "off", True), ("late stop", "on", False), ("flip", "off", False)]
+)
+def test_an_alarm_whose_dc3_is_heard_late_says_the_same_as_the_end(kind: str, posting: str, excused: bool) -> None:
+    evidence, excuses = case(
+        host={"posting": posting}, kind=kind, wire=Wire.FROM_CONTROL, place=1, sent=b"X", arrived=(b"X",)
+    )
+    evidence.program = evidence.expected = bytes(2000)
+    evidence.attempts[0].delivered[:] = bytes(10)
+    evidence.attempts[0].got = 10
+    evidence.control_ends.append((15 * SECOND, Outcome.FAILED))
+    assert bool(excuses.short(evidence.attempts[0], evidence.jobs[0])) is excused
+
+
+@pytest.mark.parametrize(
+    ("paused", "er", "who", "excused"),
+    [
+        (14, "hidden", ("host",), True),
+        (14, "auto", ("host",), False),
+        (16, "hidden", ("host",), False),
+        (14, "hidden", ("host", "control"), False),
+    ],
+)
+def test_a_punch_out_that_is_cut_short_while_cs_is_off(
+    paused: int, er: str, who: tuple[str, ...], excused: bool
+) -> None:
+    """6.1.2 note. The control ends at 15 s, and the host holds it for two."""
+    evidence, _ = case()
+    drawn = draw("fanuc-b", "clean", 1)
+    words = {"posting": "off", "pause": "cs", "er": er}
+    drawn = dataclasses.replace(
+        drawn,
+        direction=Direction.RECEIVE,
+        has_signals=True,
+        settings=Settings(host=words, cnc={}, data=drawn.settings.data),
+        acts=(OperatorAct(moment=paused * SECOND, act=Act.PAUSE, span=2 * SECOND),),
+    )
+    evidence.control_ends.append((15 * SECOND, Outcome.FAILED))
+    wait = Wait(who=who, job=evidence.jobs[0], attempt=None, said=b"\x12", heard=b"\x12")
+    assert bool(Excuses(drawn, evidence).waiting("host", wait)) is excused

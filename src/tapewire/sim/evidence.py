@@ -162,6 +162,9 @@ class Job:
     stored: bytearray = field(default_factory=bytearray)
     """What a reception has stored."""
 
+    def covers(self, moment: Nanos) -> bool:
+        return self.began <= moment and (not self.ended or moment <= self.ended)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wait:
@@ -232,6 +235,10 @@ class Evidence:
     def note_act(self, what: str, now: Nanos) -> None:
         self.acts.append((now, what))
         self.last_disturbance = max(self.last_disturbance, now)
+
+    def control_ended(self, job: Job, *outcomes: Outcome) -> bool:
+        """In the time of `job`."""
+        return any(outcome in outcomes and job.covers(moment) for moment, outcome in self.control_ends)
 
     def happened(self, *whats: str) -> bool:
         return any(what in whats for _, what in self.acts)

@@ -12,15 +12,22 @@ from collections.abc import Iterable
 from typing import Final
 
 from tapewire.codes import EOR_CODES
-from tapewire.engine import SECOND, Nanos, Outcome
+from tapewire.engine import Nanos, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.line.pacing import character_time
-from tapewire.line.paths import PATHS
-from tapewire.protocols.delivery import HEARD_LATE
 from tapewire.protocols.fanuc_a.packets import packet_bytes
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
 from tapewire.sim.frames import cancelled_sums, ends_record, ends_with_stop, forged_records, rest_fits, text_of
 from tapewire.sim.scenarios import Act, Direction, Scenario
+from tapewire.sim.unposted import (
+    CLOSING,
+    LEAVING,
+    cut_while_paused,
+    ends_alike,
+    heard_late,
+    looks_like_a_stop,
+    with_the_last,
+)
 
 __all__ = ["SILENT_ALARM", "Excuses", "first_difference"]
 
@@ -40,9 +47,7 @@ _NAME_CHARACTERS: Final = 24
 _LETS_GO: Final = frozenset(b"\x11\x15\x18")
 """DC1, NAK, CAN: what a host that is held by DC3 obeys (5.3)."""
 
-_LEAVING: Final[Nanos] = 1 * SECOND
-"""Between what ends a job and its end: what had been handed over leaves, or is called back."""
-
+_LATE_WORD: Final = "a word of the control that is heard later than 100 ms"
 _STALLS: Final = frozenset({Act.STALL.value, "clock step: host"})
 
 _FORGED: Final = "a control code lost or forged"
@@ -77,10 +82,7 @@ class Excuses:
         if self._scenario.settings.host.get("parity") == "software":
             # The engines check parity themselves: an odd number of bits turned is noticed.
             damages = [damage for damage in damages if not _odd(damage)]
-        return [damage for damage in damages if job is None or self._in_time(damage.moment, job)]
-
-    def _in_time(self, moment: Nanos, job: Job) -> bool:
-        return job.began <= moment and (not job.ended or moment <= job.ended)
+        return [damage for damage in damages if job is None or job.covers(damage.moment)]
 
     def _program_damage(self, attempt: Attempt, until: int) -> Damage | None:
         """Unseen damage of the program's characters at or before byte `until` of an attempt."""
@@ -104,18 +106,14 @@ class Excuses:
         evidence = self._evidence
         if not self._er_unseen:
             return ""
-        if any(what == "power cut: control" and self._in_time(moment, job) for moment, what in evidence.acts):
+        if any(what == "power cut: control" and job.covers(moment) for moment, what in evidence.acts):
             return "a control whose loss of power nothing shows"
-        failed = self._control_ended(job, Outcome.FAILED)
+        failed = self._evidence.control_ended(job, Outcome.FAILED)
         pulled = [damage for damage in evidence.damages if damage.kind == "pulled cable"]
-        if not self._is_a and failed and any(self._in_time(damage.moment, job) for damage in pulled):
+        if not self._is_a and failed and any(job.covers(damage.moment) for damage in pulled):
             # SR855; and while DR is OFF neither SYN nor NAK is posted (6.1.2).
             return "an alarm of the control while its cable was pulled"
         return ""
-
-    def _control_ended(self, job: Job, *outcomes: Outcome) -> bool:
-        ends = self._evidence.control_ends
-        return any(outcome in outcomes and self._in_time(moment, job) for moment, outcome in ends)
 
     # what both ends did with what they had
 
@@ -221,8 +219,11 @@ class Excuses:
                 return damage.name
         if dark := self._dark_control(job):
             return dark
-        if attempt is not None and self._ends_alike(attempt, job):
-            return "an alarm or a reset behind the last characters, without posting"
+        if attempt is not None and self._is_b and ends_alike(self._scenario, self._evidence, job):
+            if with_the_last(self._scenario, self._evidence, attempt):
+                return "an alarm or a reset behind the last characters, without posting"
+            if heard_late(self._evidence, job, CLOSING):
+                return _LATE_WORD
         hit = self._name_changed(attempt) or self._codes_hit(Wire.FROM_CONTROL, _BRIDGEPORT_NAME, job)
         if self._scenario.protocol == "bridgeport" and hit:
             return _OTHER_NAME
@@ -239,16 +240,6 @@ class Excuses:
         """The control names the program, and asks for it, which it does later where a host that stalls answers late."""
         on_the_line = _NAME_CHARACTERS * character_time(self._scenario.baud)
         return attempt.began <= moment <= max(attempt.began, attempt.asked) + on_the_line
-
-    def _ends_alike(self, attempt: Attempt, job: Job) -> bool:
-        """Without posting the end of a reading, an alarm and a reset say DC3 and turn ER OFF alike (6.1.1), which may
-        be heard late, and the last characters may stand in a FIFO or an adapter that does not say so.
-        """
-        missing = len(self._evidence.program) - attempt.got
-        last = max(HEARD_LATE // character_time(self._scenario.baud), PATHS[self._scenario.path].out_of_reach)
-        silent = self._is_b and self._sends and self._scenario.settings.host.get("posting") == "off"
-        ended = self._control_ended(job, Outcome.FAILED, Outcome.CANCELLED)
-        return silent and ended and missing <= last
 
     def told_wrongly(self, job: Job) -> str:
         """What the control said of itself in the time of `job` came otherwise."""
@@ -272,15 +263,9 @@ class Excuses:
             wrong = first_difference(bytes(attempt.delivered), self._evidence.expected)
             if wrong is not None and (lost_packets := self._lost_packets(attempt, wrong)):
                 return lost_packets
-        late_stop = any(self._in_time(hit.moment, job) for hit in self._evidence.damages if hit.kind == "late stop")
-        if late_stop or self._overslept(job):
-            return "a word of the control that is heard later than 100 ms"
+        if heard_late(self._evidence, job, LEAVING):
+            return _LATE_WORD
         return _OTHER_NAME if self._name_changed(attempt) else self.told_wrongly(job)
-
-    def _overslept(self, job: Job) -> bool:
-        """What ended the job was said while the host's computer slept for longer than a host reckons with."""
-        sleeps = self._evidence.sleeps
-        return any(until - since > HEARD_LATE and until <= job.ended <= until + _LEAVING for since, until in sleeps)
 
     def more(self, attempts: list[Attempt], surplus: int) -> str:
         """`surplus` characters more are with the control than were handed over. It reads on when its host has ended."""
@@ -358,7 +343,7 @@ class Excuses:
         if self._is_b and self._alarm_behind(wait):
             return SILENT_ALARM
         # The last check character was answered, and nothing answers the end code behind it (4.2).
-        hit = [damage for damage in self._evidence.on(Wire.FROM_HOST) if self._in_time(damage.moment, wait.job)]
+        hit = [damage for damage in self._evidence.on(Wire.FROM_HOST) if wait.job.covers(damage.moment)]
         if self._linked and any(self._codes.ends & set(damage.sent) for damage in hit):
             return "the end code lost behind a program that is whole"
         return self.short(wait.attempt, wait.job)
@@ -376,7 +361,10 @@ class Excuses:
             return "a damaged block that takes hours"
         if self._is_b and self._ended_unplugged(wait):
             return "the end of a reading whose cable was pulled, and ER unseen"
-        if self._is_b and self._looks_like_a_stop(wait):
+        silent = self._is_b and self._er_unseen
+        if silent and cut_while_paused(self._scenario, self._evidence, wait):
+            return "an alarm or a reset while the host holds CS OFF, and ER unseen"
+        if silent and looks_like_a_stop(self._scenario, self._evidence, wait):
             return "a reset that looks like a stop: no posting, and ER unseen"
         lost = (wait.said != wait.heard and self._touched(job)) or self._last_was_hit(wait)
         if lost or self._resume_was_hit(wait):
@@ -391,8 +379,8 @@ class Excuses:
 
     def _is_silent_alarm(self, job: Job) -> bool:
         """The control goes to alarm by itself, or because of a damaged character."""
-        alarmed = any(self._in_time(moment, job) for moment in self._alarms)
-        return self._tells_at_reset and (alarmed or self._control_ended(job, Outcome.FAILED))
+        alarmed = any(job.covers(moment) for moment in self._alarms)
+        return self._tells_at_reset and (alarmed or self._evidence.control_ended(job, Outcome.FAILED))
 
     def _alarm_behind(self, wait: Wait) -> bool:
         """It came while the control had a program whole, or was reading the rest of it."""
@@ -444,7 +432,7 @@ class Excuses:
 
     def _touched(self, job: Job) -> bool:
         """Something happened to what the control says, marked or not."""
-        return any(self._in_time(damage.moment, job) for damage in self._evidence.on(Wire.FROM_CONTROL))
+        return any(job.covers(damage.moment) for damage in self._evidence.on(Wire.FROM_CONTROL))
 
     @property
     def _er_unseen(self) -> bool:
@@ -455,23 +443,16 @@ class Excuses:
         ends = [moment for moment, outcome in self._evidence.control_ends if outcome is Outcome.COMPLETE]
         pulled = [damage.moment for damage in self._evidence.damages if damage.kind == "pulled cable"]
         began = wait.attempt.began if wait.attempt is not None else wait.job.began
-        unplugged = any(began <= pull <= end and self._in_time(end, wait.job) for pull in pulled for end in ends)
+        unplugged = any(began <= pull <= end and wait.job.covers(end) for pull in pulled for end in ends)
         return self._sends and self._er_unseen and unplugged and not wait.said.endswith(_DC3)
-
-    def _looks_like_a_stop(self, wait: Wait) -> bool:
-        scenario = self._scenario
-        blind = self._er_unseen and scenario.settings.host.get("posting") == "off"
-        # A control that still works is reset only by who ends the waiting.
-        ended = "control" not in wait.who and self._control_ended(wait.job, Outcome.FAILED, Outcome.CANCELLED)
-        return blind and ended and wait.heard.endswith(_DC3)
 
     def _left_while_holding(self, wait: Wait) -> str:
         """5.3 3): a host that was told to wait waits for the next monitor packet, and an open line says nothing."""
         job = wait.job
         held = self._n and ends_with_stop(bytes(self._evidence.host.brought[: wait.brought]))
         unheard = [damage for damage in self._evidence.on(Wire.FROM_CONTROL) if _LETS_GO & set(damage.sent)]
-        why = any(self._in_time(hit.moment, job) for hit in self._evidence.on(Wire.FROM_HOST) + unheard)
-        if held and self._control_ended(job, Outcome.FAILED) and why:
+        why = any(job.covers(hit.moment) for hit in self._evidence.on(Wire.FROM_HOST) + unheard)
+        if held and self._evidence.control_ended(job, Outcome.FAILED) and why:
             return "a control that gave up the line while it held the host"
         return ""
 

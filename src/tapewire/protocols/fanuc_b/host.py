@@ -50,6 +50,7 @@ from tapewire.protocols.fanuc_b.host_law import (
     LEAVING,
     LOOKS_LIKE_RESET,
     NOTICES,
+    RESET_AT_END,
     RISK_BLIND,
     RISK_POWER,
     SOURCE_POLL,
@@ -401,10 +402,9 @@ class FanucBHost:
             case State.IDLE | State.ARMED | State.LISTENING:
                 self._events.put(Notice(text=f"the control {what}"))
             case State.DELIVERED | State.CLOSING:
-                if code is ControlCode.SYN and self._params.syn_at_end is SynAtEnd.COMPLETE:
-                    self._end(
-                        Outcome.COMPLETE, "the control has read the whole program and was reset at its end (SYN)", now
-                    )
+                ends_by_reset = code is ControlCode.SYN and self._params.syn_at_end is SynAtEnd.COMPLETE
+                if ends_by_reset and self._delivery.has_arrived(now):
+                    self._end(Outcome.COMPLETE, RESET_AT_END, now)
                 else:
                     self._end(outcome, f"sent whole, not executed: the control {what}", now)
             case _:

@@ -19,6 +19,7 @@ __all__ = [
     "LEAVING",
     "LOOKS_LIKE_RESET",
     "NOTICES",
+    "RESET_AT_END",
     "RISK_BLIND",
     "RISK_POWER",
     "SOURCE_POLL",
@@ -103,6 +104,8 @@ LAW: Final[dict[tuple[State, ControlCode], frozenset[State]]] = {
 """What each code may do in each state (6.1, 6.4). A pair without a row is a Violation and changes nothing."""
 
 ER_FELL: Final = "the control's ER fell: it was reset, has an alarm, or lost power"
+
+RESET_AT_END: Final = "the control has read the whole program and was reset at its end (SYN)"
 
 LOOKS_LIKE_RESET: Final = (
     "the control was reset or has an alarm, and its next DC1 would be a start, not a resume; RESET the control and "
