@@ -26,6 +26,11 @@ def test_straight_moves() -> None:
     assert speeds.tolist() == [10, 10, 10, np.inf]
 
 
+def test_blanks_and_tabs_part_words_and_say_nothing() -> None:
+    _, ends, _ = read("\tG01\tX 1.5\tF600 \nX2.\t\n")
+    assert ends[:, 0].tolist() == [1.5, 2.0]
+
+
 def test_header_and_trailer_stay_text() -> None:
     program = "%\nO7(PART)\nG21 G90 G54\nM03 S900\nG00X1.Y2.Z3.\n(FINISH)\nG01X5.F100\nY6.\nM05\nG28Z0\nM30\n%\nrest"
     reader, ends, _ = read(program, start=None)

@@ -310,6 +310,7 @@ def _say_encoded(out: Path, made: Encoded, machine: Machine) -> None:
             f"  {axis.name}: at most {report.velocity[index] * 60:.6g} {axis.unit}/min, "
             f"{report.acceleration[index]:.6g} {axis.unit}/s², {report.jerk[index]:.6g} {axis.unit}/s³"
         )
-    _say(f"{report.moves:,} moves; at most {report.contour_error:.4g} from the path, rounding included")
+    moves = "1 move" if report.moves == 1 else f"{report.moves:,} moves"
+    _say(f"{moves}; at most {report.contour_error:.4g} from the path, rounding included")
     if report.left_out or report.moved_ahead:
         _say(f"units of time without motion: {report.left_out:,} left out, {report.moved_ahead:,} filled in advance")

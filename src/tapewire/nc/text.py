@@ -87,7 +87,7 @@ class ProgramText:
     def _words(self, text: str) -> Words:
         if "(" in text:
             text = _COMMENT.sub("", text)
-        text = text.replace(" ", "").rstrip(";")
+        text = text.replace(" ", "").replace("\t", "").rstrip(";")
         words = _WORD.findall(text)
         if sum(len(letter) + len(value) for letter, value in words) != len(text):
             if text.startswith("/"):
