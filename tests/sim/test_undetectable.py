@@ -282,6 +282,16 @@ def test_a_name_that_came_otherwise(after_ms: int, asked: int, excused: bool) ->
     assert bool(excuses.short(evidence.attempts[0], evidence.jobs[0])) is excused
 
 
+@pytest.mark.parametrize(
+    ("kind", "ended", "excused"), [("late stop", 16, True), ("late stop", 25, False), ("x", 16, False)]
+)
+def test_a_cancel_that_is_heard_when_the_job_is_over(kind: str, ended: int, excused: bool) -> None:
+    """What holds XOFF back holds back the DLE behind it, and the host listens for `end_wait`."""
+    evidence, excuses = case("bridgeport", kind=kind, wire=Wire.FROM_CONTROL, place=3, sent=b"")
+    evidence.control_ends.append((ended * SECOND, Outcome.FAILED))
+    assert bool(excuses.short(evidence.attempts[0], evidence.jobs[0])) is excused
+
+
 @pytest.mark.parametrize(("cut_short", "excused"), [([14], True), ([0], False), ([], False)])
 def test_a_dat_whose_host_ended_in_the_middle(cut_short: list[int], excused: bool) -> None:
     """4.1: no mark says where a message begins, so the SYN of the next process ends the DAT, and here the sum fits."""

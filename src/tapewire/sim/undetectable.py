@@ -224,6 +224,9 @@ class Excuses:
                 return "an alarm or a reset behind the last characters, without posting"
             if heard_late(self._evidence, job, CLOSING):
                 return _LATE_WORD
+        cancelled = self._evidence.control_ended(job, Outcome.FAILED, Outcome.CANCELLED)
+        if cancelled and not self._is_a and not self._is_b and heard_late(self._evidence, job, ends_within=0):
+            return _LATE_WORD
         hit = self._name_changed(attempt) or self._codes_hit(Wire.FROM_CONTROL, _BRIDGEPORT_NAME, job)
         if self._scenario.protocol == "bridgeport" and hit:
             return _OTHER_NAME
