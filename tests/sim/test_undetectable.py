@@ -282,6 +282,16 @@ def test_a_name_that_came_otherwise(after_ms: int, asked: int, excused: bool) ->
     assert bool(excuses.short(evidence.attempts[0], evidence.jobs[0])) is excused
 
 
+@pytest.mark.parametrize(
+    ("kind", "ended", "excused"), [("late stop", 16, True), ("late stop", 25, False), ("x", 16, False)]
+)
+def test_a_cancel_that_is_heard_when_the_job_is_over(kind: str, ended: int, excused: bool) -> None:
+    """What holds XOFF back holds back the DLE behind it, and the host listens for `end_wait`."""
+    evidence, excuses = case("bridgeport", kind=kind, wire=Wire.FROM_CONTROL, place=3, sent=b"")
+    evidence.control_ends.append((ended * SECOND, Outcome.FAILED))
+    assert bool(excuses.short(evidence.attempts[0], evidence.jobs[0])) is excused
+
+
 @pytest.mark.parametrize(("cut_short", "excused"), [([14], True), ([0], False), ([], False)])
 def test_a_dat_whose_host_ended_in_the_middle(cut_short: list[int], excused: bool) -> None:
     """4.1: no mark says where a message begins, so the SYN of the next process ends the DAT, and here the sum fits."""
@@ -420,3 +430,38 @@ def test_a_punch_out_that_is_cut_short_while_cs_is_off(
     evidence.control_ends.append((15 * SECOND, Outcome.FAILED))
     wait = Wait(who=who, job=evidence.jobs[0], attempt=None, said=b"\x12", heard=b"\x12")
     assert bool(Excuses(drawn, evidence).waiting("host", wait)) is excused
+
+
+@pytest.mark.parametrize(("at", "excused"), [(9, True), (7, False), (16, False)])
+def test_er_that_no_pin_showed(at: int, excused: bool) -> None:
+    """The reading lasts from 10 to 15 s, and such a pin has no contact for 2 s at the most."""
+    evidence, excuses = case(host={"posting": "off"}, moment=at * SECOND, kind="DSR OFF", place=0, sent=b"")
+    evidence.control_ends.append((15 * SECOND, Outcome.FAILED))
+    heard = b"\x11\x13"
+    wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=heard, heard=heard)
+    assert bool(excuses.waiting("host", wait)) is excused
+
+
+@pytest.mark.parametrize(("place", "stored", "excused"), [(1, b"", True), (2, b"", False), (1, b"O", False)])
+def test_a_punch_out_whose_dc2_did_not_come(place: int, stored: bytes, excused: bool) -> None:
+    evidence, _ = case(wire=Wire.FROM_CONTROL, place=place, sent=b"\x12", arrived=())
+    evidence.jobs[0].stored += stored
+    drawn = dataclasses.replace(draw("fanuc-b", "clean", 1), direction=Direction.RECEIVE)
+    job, attempt = evidence.jobs[0], evidence.attempts[0]
+    wait = Wait(who=("host",), job=job, attempt=attempt, said=b"\x14", heard=b"\x14")
+    assert bool(Excuses(drawn, evidence).waiting("host", wait)) is excused
+
+
+@pytest.mark.parametrize(
+    ("moment", "arrived", "got", "excused"),
+    [
+        (5, b"\x11", PROGRAM[5:], True),
+        (15, b"\x11", PROGRAM[5:], False),
+        (5, b"\x12", PROGRAM[5:], False),
+        (5, b"\x11", b"N9", False),
+    ],
+)
+def test_a_host_that_obeyed_a_dc1_of_nobody(moment: int, arrived: bytes, got: bytes, excused: bool) -> None:
+    evidence, excuses = case(moment=moment * SECOND, wire=Wire.FROM_CONTROL, place=0, sent=b"", arrived=(arrived,))
+    evidence.attempts[0].delivered[:] = got
+    assert bool(excuses.content(evidence.attempts[0], 0, got)) is excused

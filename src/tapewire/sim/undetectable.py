@@ -24,6 +24,7 @@ from tapewire.sim.unposted import (
     LEAVING,
     cut_while_paused,
     ends_alike,
+    er_was_hidden,
     heard_late,
     looks_like_a_stop,
     with_the_last,
@@ -52,6 +53,7 @@ _STALLS: Final = frozenset({Act.STALL.value, "clock step: host"})
 
 _FORGED: Final = "a control code lost or forged"
 _OTHER_NAME: Final = "a program name that came otherwise"
+_DC1: Final = b"\x11"
 _DC3: Final = b"\x13"
 
 SILENT_ALARM: Final = "an alarm that is told only at RESET (6.4 note 1)"
@@ -144,13 +146,19 @@ class Excuses:
             return self._content_a(attempt, wrong)
         if self._linked and self._sends:
             return self._content_linked(attempt)
-        if self._beside_the_program(attempt):
+        if self._beside_the_program(attempt) or self._began_too_early(attempt, got):
             return _FORGED
         damage = self._program_damage(attempt, wrong)
         faithful = not self._sends or self._host_is_faithful(attempt, wrong)
         if damage is None or not faithful or not self._receiver_is_faithful(attempt, got):
             return ""
         return damage.name
+
+    def _began_too_early(self, attempt: Attempt, got: bytes) -> bool:
+        """Protocol B: the host obeyed a DC1 that nobody had said, and the control got what was left at its own."""
+        hit = [damage for damage in self._unseen(Wire.FROM_CONTROL) if damage.moment <= attempt.began]
+        forged = any(_DC1 in damage.plain and _DC1 not in damage.sent for damage in hit)
+        return self._is_b and self._sends and forged and got in self._evidence.expected
 
     def _content_a(self, attempt: Attempt, wrong: int) -> str:
         evidence = self._evidence
@@ -224,6 +232,9 @@ class Excuses:
                 return "an alarm or a reset behind the last characters, without posting"
             if heard_late(self._evidence, job, CLOSING):
                 return _LATE_WORD
+        cancelled = self._evidence.control_ended(job, Outcome.FAILED, Outcome.CANCELLED)
+        if cancelled and not self._is_a and not self._is_b and heard_late(self._evidence, job, ends_within=0):
+            return _LATE_WORD
         hit = self._name_changed(attempt) or self._codes_hit(Wire.FROM_CONTROL, _BRIDGEPORT_NAME, job)
         if self._scenario.protocol == "bridgeport" and hit:
             return _OTHER_NAME
@@ -364,10 +375,11 @@ class Excuses:
         silent = self._is_b and self._er_unseen
         if silent and cut_while_paused(self._scenario, self._evidence, wait):
             return "an alarm or a reset while the host holds CS OFF, and ER unseen"
-        if silent and looks_like_a_stop(self._scenario, self._evidence, wait):
+        blind = silent or (self._is_b and er_was_hidden(self._evidence, wait.attempt))
+        if blind and looks_like_a_stop(self._scenario, self._evidence, wait):
             return "a reset that looks like a stop: no posting, and ER unseen"
         lost = (wait.said != wait.heard and self._touched(job)) or self._last_was_hit(wait)
-        if lost or self._resume_was_hit(wait):
+        if lost or self._resume_was_hit(wait) or self._announcement_was_hit(wait):
             return "a control code lost, damaged or forged"
         if self._record_never_came(wait):
             return "a record of which nothing came"
@@ -416,6 +428,14 @@ class Excuses:
         ends = self._codes.record_ends
         first = not text_of(sent[attempt.place : begins])
         return (first or ends_record(sent[:begins], ends)) and ends_record(sent[begins:], ends)
+
+    def _announcement_was_hit(self, wait: Wait) -> bool:
+        """DC2, and what came of the punch-out behind it is nothing to a host that waits for one (6.1.1 2) (1))."""
+        if self._sends or not self._is_b or wait.attempt is None or wait.job.stored:
+            return False
+        place = wait.attempt.heard + 1
+        hit = self._evidence.on(Wire.FROM_CONTROL)
+        return any(damage.place <= place < damage.place + len(damage.sent) for damage in hit if damage.place)
 
     def _resume_was_hit(self, wait: Wait) -> bool:
         """In a punch-out the host says nothing but codes: the last one is what the control waits for (6.1.1 2) (4))."""

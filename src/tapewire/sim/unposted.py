@@ -14,13 +14,25 @@ from tapewire.protocols.delivery import HEARD_LATE
 from tapewire.sim.evidence import Attempt, Evidence, Job, Wait
 from tapewire.sim.scenarios import Act, Direction, Scenario
 
-__all__ = ["CLOSING", "LEAVING", "cut_while_paused", "ends_alike", "heard_late", "looks_like_a_stop", "with_the_last"]
+__all__ = [
+    "CLOSING",
+    "LEAVING",
+    "cut_while_paused",
+    "ends_alike",
+    "er_was_hidden",
+    "heard_late",
+    "looks_like_a_stop",
+    "with_the_last",
+]
 
 LEAVING: Final[Nanos] = 1 * SECOND
 """Between what ends a job and its end: what had been handed over leaves, or is called back."""
 
 CLOSING: Final[Nanos] = 6 * SECOND
 """The same where the host waits whether a DC3 is the end: the longest `closing_time`."""
+
+LONGEST_BLINK: Final[Nanos] = 2 * SECOND
+"""So long a worn pin of DSR has no contact (`loose-dsr`)."""
 
 _DC3: Final = b"\x13"
 
@@ -57,6 +69,14 @@ def cut_while_paused(scenario: Scenario, evidence: Evidence, wait: Wait) -> bool
     pauses = [(act.moment, act.moment + act.span) for act in scenario.acts if act.act is Act.PAUSE]
     ends = [at for at, how in evidence.control_ends if how is not Outcome.COMPLETE]
     return any(on <= at <= off and wait.job.covers(at) for on, off in pauses for at in ends)
+
+
+def er_was_hidden(evidence: Evidence, attempt: Attempt | None) -> bool:
+    """The pin had no contact when the reading began, or lost it in the middle."""
+    since = attempt.began - LONGEST_BLINK if attempt is not None else 0
+    ends = [at for at, _ in evidence.control_ends if attempt is not None and at >= attempt.began]
+    moments = [damage.moment for damage in evidence.damages if damage.kind.startswith("DSR")]
+    return any(since <= moment <= min(ends, default=moment) for moment in moments)
 
 
 def looks_like_a_stop(scenario: Scenario, evidence: Evidence, wait: Wait) -> bool:

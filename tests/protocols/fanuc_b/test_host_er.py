@@ -383,6 +383,16 @@ class _EndsLate(BytesIO):
         return data
 
 
+def test_blind_the_source_is_asked_before_a_dc3_is_taken_for_a_reset() -> None:
+    rig = Rig(b"", posting="off")
+    rig.host.start(_EndsLate(b"%\nM30\n%", 1), 0)
+    rig.hear(DC1)
+    rig.take(100)
+    rig.hear(DC3)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.COMPLETE
+
+
 @pytest.mark.parametrize("codes", [DC3, DC3 + DC3])
 def test_6_1_1_7_the_last_dc3_comes_before_the_source_says_that_there_is_no_more(codes: bytes) -> None:
     rig = Rig(b"")

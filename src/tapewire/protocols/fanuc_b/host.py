@@ -316,6 +316,8 @@ class FanucBHost:
     def _on_dc3(self, now: Nanos) -> None:
         """6.1.1 1) (4), (8). Without posting and without ER this may be a reset (see the module's docstring)."""
         self._stopped_at_rest = not self._delivery.in_flight
+        if self._state is State.SENDING and not self._supply.ahead:
+            self._fill(now)
         match self._state:
             case State.DELIVERED | State.CLOSING:
                 self._on_closing_dc3(now)
@@ -380,9 +382,7 @@ class FanucBHost:
         return (delivered or self._state is State.CLOSING) and not self._delivery.in_flight
 
     def _is_whole_though_held(self, now: Nanos) -> bool:
-        """The last bytes were on their way when DC3 came, and no DC1 is needed to read EOR (6.1.1 1) (7)). A reset that
-        did not get them says the same where it is not posted.
-        """
+        """6.1.1 1) (7): no DC1 is needed to read EOR. A reset that did not get all may say the same."""
         whole = self._supply.is_over and not self._delivery.in_flight
         return whole and (self._posts or self._delivery.has_arrived(now))
 

@@ -85,7 +85,7 @@ LAW: Final[dict[tuple[State, ControlCode], frozenset[State]]] = {
     (State.LISTENING, _DC1): frozenset({State.LISTENING}),
     (State.ARMED, _DC1): frozenset({State.SENDING, State.DELIVERED}),
     (State.SENDING, _DC1): frozenset({State.SENDING}) | _ENDING,
-    (State.SENDING, _DC3): frozenset({State.HELD}) | _ENDING,
+    (State.SENDING, _DC3): frozenset({State.HELD, State.CLOSING}) | _ENDING,
     (State.HELD, _DC1): frozenset({State.SENDING, State.DELIVERED}),
     (State.HELD, _DC3): frozenset({State.HELD, State.CLOSING}) | _ENDING,
     (State.DELIVERED, _DC3): frozenset({State.CLOSING, State.HELD}) | _ENDING,
