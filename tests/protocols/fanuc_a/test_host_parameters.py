@@ -137,12 +137,6 @@ class Test442:
         assert why in bench.ended.reason
         assert (bench.ended.bytes_low, bench.ended.bytes_high) == (0, 100)
 
-    def test_a_sat_that_cannot_be_is_answered_and_believed_nothing(self) -> None:
-        bench = Bench()
-        bench.sending(PROGRAM[:100])
-        assert bench.answer(Command.SAT, b"09000000") == SET
-        assert bench.host.state is State.SENDING
-
 
 SHIFTED = Parameters(nb=250, no=32, ne=0, tp=40960, to=8193, ti=16384, tx=0, tw=0)
 RTY, FEW = Command.RTY, {"10": 3, "1": 1, "0": 0}
@@ -206,7 +200,8 @@ class TestSatThatCannotBe:
         heard = [hear(bench, BufferState.OPERATING, 0) for _ in range(FEW[most] + 1)]
         assert heard == [[RTY]] * FEW[most] + [[Command.SET]]
         assert bench.ended.outcome is Outcome.FAILED
-        assert "delivered whole, not executed: the control says Tp = 40960 s: 1 to 99 is possible" in bench.ended.reason
+        assert "delivered whole, not executed: nothing that" in bench.ended.reason
+        assert "SAT with Tp = 40960 s: 1 to 99 is possible" in bench.ended.reason
         assert (bench.ended.bytes_low, bench.ended.bytes_high) == (len(PROGRAM), len(PROGRAM))
         assert hear(bench) == [Command.SET], "and it is asked no more"
 
@@ -231,7 +226,8 @@ class TestSatThatCannotBe:
                     break
                 hear(bench)
         assert bench.ended.outcome is Outcome.FAILED
-        assert bench.ended.reason.startswith("nothing was sent: the control says Tp = 40960 s")
+        assert bench.ended.reason.startswith("nothing was sent: ")
+        assert "SAT with Tp = 40960 s" in bench.ended.reason
         assert bench.ended.bytes_high == 0
 
     def test_4_5_each_job_asks_anew(self) -> None:
@@ -257,3 +253,12 @@ class TestSatThatCannotBe:
         bench.say(Command.SAT, Status(state=BufferState.RESET, parameters=SHIFTED).encode())
         assert bench.ended.outcome is Outcome.FAILED
         assert "before the end packet" in bench.ended.reason
+
+    @pytest.mark.parametrize("data", [b"09000000", b"0100000", b"0100XYZ0", b"03500000", b"0100000000FG"])
+    def test_4_4_2_nor_is_one_that_cannot_be_read(self, data: bytes) -> None:
+        bench = Bench()
+        bench.sending(PROGRAM[:100])
+        said = [bench.messages(bench.say(Command.SAT, data) + bench.wait(0.5)) for _ in range(4)]
+        assert [[message.command for message in each] for each in said] == [[RTY]] * 3 + [[Command.SET]]
+        assert (bench.ended.outcome, bench.ended.bytes_low) == (Outcome.FAILED, 0)
+        assert "nothing that the control says of its state can be believed: " in bench.ended.reason

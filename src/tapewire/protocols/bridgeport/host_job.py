@@ -46,7 +46,6 @@ ASK_AGAIN: Final = "cancel at the control and ask again"
 
 AGAIN: Final = "cancel the transfer at the control before anything else is sent to it"
 
-
 GUESSED: Final = (
     "the name had no letter, and REMOTE LOAD was guessed by the length: look there whether the program is in"
 )

@@ -33,7 +33,7 @@ from tapewire.protocols.fanuc_a.messages import (
 )
 from tapewire.protocols.fanuc_a.packets import MonitorPacket, packet_bytes
 from tapewire.protocols.fanuc_a.params import GtdAnswers, RstAtEnd
-from tapewire.protocols.fanuc_a.status import CAUSES, BufferState, Status
+from tapewire.protocols.fanuc_a.status import CAUSES, BufferState, Status, disbelief
 
 __all__ = ["LAW", "FanucAHost", "State"]
 
@@ -219,20 +219,15 @@ class FanucAHost(HostLine):
     # SAT
 
     def _on_sat(self, message: Message, now: Nanos) -> None:
-        try:
-            status = Status.parse(message.data, self._agreement.base)
-        except DataError as error:
-            self._events.put(Violation(what=str(error)))
+        base = self._agreement.base
+        if doubt := disbelief(message.data, base):
+            self._disbelieve(doubt, now)
         else:
-            if impossible := status.parameters.out_of_range():
-                self._disbelieve(impossible, now)
-            else:
-                self._hear_parameters(status)
-                self._judge(status, now)
+            status = Status.parse(message.data, base)
+            self._hear_parameters(status)
+            self._judge(status, now)
         if self._state is State.STREAMING:
             self._interrupt(Outcome.FAILED, "SAT before the end packet: the control has left the packets", now)
-        if self._state is State.AWAITING:
-            self._interrupt(Outcome.FAILED, "no status that can be read after the end packet", now)
         self._answer_sat()
 
     def _answer_sat(self) -> None:
@@ -245,12 +240,12 @@ class FanucAHost(HostLine):
             self._told.add("refused")
             self._events.put(Notice(text=f"the control does not take what SET asks for: {self._agreement.differences}"))
 
-    def _disbelieve(self, impossible: str, now: Nanos) -> None:
+    def _disbelieve(self, doubt: str, now: Nanos) -> None:
         """A SAT that no control can say (4.5) proves nothing. One that has come so often is no damage, and no end of a
         job will ever be believed of this control; only what it held before our first SET may yet be mended by that.
         """
-        self._events.put(Violation(what=f"SAT with {impossible}: nothing of it is believed"))
-        reason = f"the control says {impossible} (SAT), so that nothing it says of its state is believed"
+        self._events.put(Violation(what=doubt))
+        reason = f"nothing that the control says of its state can be believed: {doubt}"
         if self._state is State.ARMED and self._doubted_enough:
             if self._agreement.settled:
                 self._end(Outcome.FAILED, f"nothing was sent: {reason}", now)

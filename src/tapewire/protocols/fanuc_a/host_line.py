@@ -33,10 +33,10 @@ from tapewire.protocols.fanuc_a.host_exchange import Exchange, Heard
 from tapewire.protocols.fanuc_a.host_job import Job
 from tapewire.protocols.fanuc_a.host_law import State, Timer
 from tapewire.protocols.fanuc_a.host_streaming import SourcePoll, Streaming
-from tapewire.protocols.fanuc_a.messages import Command, DataError, Message, Unreadable, encode_image
+from tapewire.protocols.fanuc_a.messages import Command, Message, Unreadable, encode_image
 from tapewire.protocols.fanuc_a.packets import BadMonitor, MonitorPacket
 from tapewire.protocols.fanuc_a.params import First, Params
-from tapewire.protocols.fanuc_a.status import Status
+from tapewire.protocols.fanuc_a.status import disbelief
 
 __all__ = ["BEGUN", "UNDER_WAY", "HostLine"]
 
@@ -299,19 +299,14 @@ class HostLine(ABC):
     def _doubt(self, message: Message) -> str:
         """Why this SAT is asked for again although its sum is right; empty when it is not.
 
-        A 0 lost and another doubled keep the sum and shift what stands between: with parameters that cannot be (4.5)
-        the state and the bytes stored may be others too. Among packets nothing can ask.
+        A 0 lost and another doubled keep the sum and shift what stands between: where that makes a state or a parameter
+        that cannot be (4.4.2, 4.5), the rest may be another too. Among packets nothing can ask.
         """
         if message.command is not Command.SAT or self._streaming.our_turn:
             return ""
-        try:
-            impossible = Status.parse(message.data, self._agreement.base).parameters.out_of_range()
-        except DataError:
-            return ""
-        self._doubted = self._doubted + 1 if impossible else 0
-        if not impossible or self._doubted_enough:
-            return ""
-        return f"SAT with {impossible}"
+        doubt = disbelief(message.data, self._agreement.base)
+        self._doubted = self._doubted + 1 if doubt else 0
+        return "" if self._doubted_enough else doubt
 
     @property
     def _doubted_enough(self) -> bool:
