@@ -11,9 +11,10 @@ from tapewire.engine import MILLISECOND, SECOND, LineFault, Nanos, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.line.transport import Fault
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
+from tapewire.sim.names import Undetectable
 from tapewire.sim.scenarios import Act, Direction, OperatorAct, draw
 from tapewire.sim.switches import Settings
-from tapewire.sim.undetectable import SILENT_ALARM, Excuses, first_difference
+from tapewire.sim.undetectable import Excuses, first_difference
 
 PROGRAM = b"%\nN1 X1\nN2 X2\nM30\n%"
 
@@ -132,7 +133,7 @@ def test_an_alarm_behind_a_program_that_is_whole(told: str, alarm: int, got: int
     evidence.attempts[0].got = got
     evidence.note_act("alarm", alarm * SECOND)
     wait = Wait(who=("control",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=b"", heard=b"")
-    assert (excuses.waiting("control", wait) == SILENT_ALARM) is excused
+    assert (excuses.waiting("control", wait) == Undetectable.SILENT_ALARM) is excused
 
 
 @pytest.mark.parametrize(
