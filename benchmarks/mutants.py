@@ -29,7 +29,7 @@ by the engine's own assertions.
 
 
 def transfers_needed(mutant: Mutant, most: int) -> tuple[int, str]:
-    """Transfers until it is noticed, and by which rule; 0 when it never is. Where an engine broke, nothing was judged."""
+    """Transfers until it is noticed, and by which rule; 0 when it never is. An engine that broke was not judged."""
     count = 0
     with mutant.alive():
         for seed in range(1, most + 1):

@@ -256,7 +256,7 @@ def _nak_off_by_one(method: Callable[..., Any]) -> Callable[..., Any]:
     return want
 
 
-def _rst_is_answered_and_forgotten(method: Callable[..., Any]) -> Callable[..., Any]:
+def _rst_is_forgotten(method: Callable[..., Any]) -> Callable[..., Any]:
     def interrupt(self: Any, outcome: Any, reason: str, now: int) -> None:
         if "RST" not in reason and "reset state" not in reason:
             method(self, outcome, reason, now)
@@ -397,7 +397,10 @@ MUTANTS: tuple[Mutant, ...] = (
         name="A: RST answered, and the job goes on",
         protocol=_A,
         presets=_QUIET,
-        spoils=((FanucAHost, "_interrupt", _rst_is_answered_and_forgotten), (FanucAHost, "_obeyed", _instead(_nothing))),
+        spoils=(
+            (FanucAHost, "_interrupt", _rst_is_forgotten),
+            (FanucAHost, "_obeyed", _instead(_nothing)),
+        ),
     ),
     Mutant(
         name="A: sum not checked",

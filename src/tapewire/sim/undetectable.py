@@ -15,12 +15,10 @@ from tapewire.engine import Nanos, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.line.pacing import character_time
 from tapewire.line.paths import PATHS
-from tapewire.protocols.fanuc_a.packets import packet_bytes
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
 from tapewire.sim.frames import (
     cancelled_sums,
     ends_record,
-    ends_with_nak,
     ends_with_stop,
     forged_records,
     rest_fits,
@@ -28,6 +26,7 @@ from tapewire.sim.frames import (
 )
 from tapewire.sim.names import Undetectable
 from tapewire.sim.scenarios import Act, Direction, Scenario
+from tapewire.sim.unnumbered import lost_packets, went_round
 from tapewire.sim.unposted import (
     CLOSING,
     LEAVING,
@@ -186,50 +185,12 @@ class Excuses:
         brought = bytes(evidence.cnc.brought[attempt.brought :])
         if cancelled_sums(evidence.host_lives, brought, self._n):
             return Undetectable.SUM
-        return self._lost_packets(attempt, wrong)
+        return lost_packets(evidence, self._n, attempt, wrong)
 
     @property
     def _n(self) -> int:
         """Of the packets; 0 is protocol A."""
         return int(self._scenario.settings.host.get("n", "4")) if "expansion" in self._scenario.protocol else 0
-
-    def _lost_packets(self, attempt: Attempt, wrong: int) -> str:
-        """Whole packets are missing from byte `wrong` on, and no number shows it: all their characters are gone, or
-        the NAK that asked for them.
-        """
-        if not self._n:
-            return ""
-        length, program = packet_bytes(self._n), self._evidence.expected
-        data, lost = length - 4, self._lost(Wire.FROM_HOST, attempt)
-        unheard = any(damage.moment >= attempt.began for damage in self._evidence.on(Wire.FROM_CONTROL))
-        gap = wrong - wrong % data
-        rest = bytes(attempt.delivered[gap:])
-        resumed = program.find(rest[:64], gap)
-        skipped = (resumed - gap) // data
-        round_trip = resumed > gap and (resumed - gap) % (10 * data) == 0
-        # The first one need not be gone whole: it is asked for by its number, and another bears that by then.
-        if round_trip and (unheard or lost > (skipped - 1) * length):
-            return Undetectable.TEN_PACKETS
-        missing = len(program) - len(attempt.delivered)
-        if program.endswith(rest) and missing % data == 0 and lost // length * data >= missing:
-            return Undetectable.LAST_PACKET
-        return ""
-
-    def _went_round(self, attempt: Attempt, job: Job, missing: int) -> bool:
-        """A NAK was for the packet ten or twenty before the one that its host sent again, of which nothing came."""
-        if not self._n:
-            return False
-        length = packet_bytes(self._n)
-        packets, rest = divmod(missing, length - 4)
-        named = ends_with_nak(bytes(self._evidence.cnc.sent[attempt.heard :]), attempt.got // (length - 4) % 10)
-        whole_rounds = packets > 0 and packets % 10 == 0 and not rest
-        return whole_rounds and named and self._lost(Wire.FROM_HOST, attempt, job) > (packets - 1) * length
-
-    def _lost(self, wire: Wire, attempt: Attempt, job: Job | None = None) -> int:
-        """Characters that did not arrive, since the attempt began, in the time of `job` where one is given."""
-        damages = [damage for damage in self._evidence.on(wire) if damage.moment >= attempt.began]
-        damages = [damage for damage in damages if job is None or job.covers(damage.moment)]
-        return sum(max(0, len(damage.sent) - len(damage.plain)) for damage in damages)
 
     def _content_linked(self, attempt: Attempt) -> str:
         cnc = self._scenario.settings.cnc
@@ -308,9 +269,9 @@ class Excuses:
                 return Undetectable.EOR
         if attempt is not None and self._is_a:
             wrong = first_difference(bytes(attempt.delivered), self._evidence.expected)
-            if wrong is not None and (lost_packets := self._lost_packets(attempt, wrong)):
-                return lost_packets
-            if self._went_round(attempt, job, missing):
+            if wrong is not None and (packets := lost_packets(self._evidence, self._n, attempt, wrong)):
+                return packets
+            if went_round(self._evidence, self._n, attempt, job, missing):
                 return Undetectable.TEN_PACKETS
         acknowledged = self._is_a or self._linked
         if not acknowledged and heard_late(self._scenario, self._evidence, job, missing, LEAVING):
