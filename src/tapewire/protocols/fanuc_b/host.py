@@ -183,8 +183,8 @@ class FanucBHost:
 
     def receive_closed(self, closure: Closure, reason: str, now: Nanos) -> None:
         """The end of a TCP line counts as ER OFF."""
-        delivered = self._state in (State.DELIVERED, State.CLOSING) and not self._delivery.in_flight
-        if delivered and closure is Closure.ORDERLY:
+        may_end = self._signs.hanging_up_may_end_the_read(self._state, self._delivery)
+        if may_end and closure is Closure.ORDERLY:
             self._end(Outcome.COMPLETE, "the control has read the whole program and closed the line", now)
         elif self._state is State.AFTER_DC4 and closure is Closure.ORDERLY:
             self._finish_reception(now)

@@ -85,9 +85,13 @@ class Signs:
 
     def er_may_end_the_read(self, state: State, delivery: Delivery) -> bool:
         """With posting ER stays ON until power-off (6.1.2), so it may only fall behind the last DC3."""
-        delivered = state is State.DELIVERED and not self._posts
-        closing = state is State.CLOSING and not self.dc3_may_be_reset
-        return (delivered or closing) and not delivery.in_flight
+        expected = state is State.CLOSING or not self._posts
+        return expected and self.hanging_up_may_end_the_read(state, delivery)
+
+    def hanging_up_may_end_the_read(self, state: State, delivery: Delivery) -> bool:
+        """ER OFF, or the line closed: a reset does the same, so behind a DC3 that may be one it proves nothing."""
+        over = state is State.DELIVERED or (state is State.CLOSING and not self.dc3_may_be_reset)
+        return over and not delivery.in_flight
 
     def end_by_notice(
         self, code: ControlCode, state: State, delivery: Delivery, now: Nanos
