@@ -31,6 +31,15 @@ def test_a_pause_is_not_the_pace_of_a_line() -> None:
     assert delivery.certain(moments[-1]) == len(moments) - HEARD_LATE_CHARACTERS
 
 
+def test_a_computer_that_is_late_makes_no_line_faster() -> None:
+    """At 1200 baud every eighth character is told of right behind the one before it."""
+    delivery, each = Delivery(), character_time(1200)
+    for count in range(1, 65):
+        delivery.hand_over(1)
+        delivery.leave(1, count * each - (each // 2 if count % 8 == 0 else 0))
+    assert 64 - HEARD_LATE_CHARACTERS - 1 <= delivery.certain(64 * each) <= 64 - HEARD_LATE_CHARACTERS
+
+
 @given(
     baud=st.sampled_from([50, 300, 2400, 9600, 86400]),
     chunks=st.lists(st.tuples(st.integers(1, 64), st.integers(0, 200)), min_size=1, max_size=30),

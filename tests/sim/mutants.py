@@ -1,6 +1,8 @@
 """Deliberate bugs, one at a time: what the campaign must notice.
 
 Each replaces one method, or one of its effects, of one engine. `presets` are the faults under which it shows soonest.
+An engine that asserts its own table breaks under some of them: that proves the assertion. So the bug is put where the
+table is not asked, or the assertion goes with it, and what a broken engine did is not counted as noticed.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ from tapewire.protocols.fanuc_b.cnc_buffer import ReceiveBuffer
 from tapewire.protocols.fanuc_b.host import FanucBHost
 from tapewire.protocols.fanuc_b.host import State as BState
 from tapewire.protocols.fanuc_b.host_reception import Reception
+from tapewire.protocols.fanuc_b.messages import ControlCode
 
 __all__ = ["MUTANTS", "Mutant"]
 
@@ -97,6 +100,19 @@ def _before(effect: Callable[..., Any]) -> Wrap:
 
 
 # protocol B
+
+
+def _deaf_to(*codes: ControlCode) -> Wrap:
+    """Wherever they come, nothing follows from them."""
+
+    def wrap(method: Callable[..., Any]) -> Callable[..., Any]:
+        def receive(self: Any, code: ControlCode, now: int) -> None:
+            if code not in codes:
+                method(self, code, now)
+
+        return receive
+
+    return wrap
 
 
 def _one_chunk_more(method: Callable[..., Any]) -> Callable[..., Any]:
@@ -240,7 +256,7 @@ def _nak_off_by_one(method: Callable[..., Any]) -> Callable[..., Any]:
     return want
 
 
-def _rst_is_answered_and_forgotten(method: Callable[..., Any]) -> Callable[..., Any]:
+def _rst_is_forgotten(method: Callable[..., Any]) -> Callable[..., Any]:
     def interrupt(self: Any, outcome: Any, reason: str, now: int) -> None:
         if "RST" not in reason and "reset state" not in reason:
             method(self, outcome, reason, now)
@@ -249,6 +265,14 @@ def _rst_is_answered_and_forgotten(method: Callable[..., Any]) -> Callable[..., 
 
 
 # Bridgeport
+
+
+def _deaf_to_cancel(method: Callable[..., Any]) -> Callable[..., Any]:
+    def hear(self: Any, character: int, now: int) -> None:
+        if character & 0x7F != self._params.cancel:
+            method(self, character, now)
+
+    return hear
 
 
 def _same_record_again(method: Callable[..., Any]) -> Callable[..., Any]:
@@ -295,7 +319,7 @@ MUTANTS: tuple[Mutant, ...] = (
         name="B: DC3 ignored",
         protocol=_BX,
         presets=_QUIET,
-        spoils=((FanucBHost, "_on_sending_dc3", _instead(_nothing)),),
+        spoils=((FanucBHost, "_receive_code", _deaf_to(ControlCode.DC3)),),
     ),
     Mutant(
         name="B: resume skips a byte",
@@ -325,7 +349,7 @@ MUTANTS: tuple[Mutant, ...] = (
         name="B: SYN and NAK ignored",
         protocol=_B,
         presets=_QUIET,
-        spoils=((FanucBHost, "_on_notice", _instead(_nothing)),),
+        spoils=((FanucBHost, "_receive_code", _deaf_to(ControlCode.SYN, ControlCode.NAK)),),
     ),
     Mutant(
         name="B: giving up ends the tape", protocol=_B, presets=_QUIET, spoils=((FanucBHost, "abort", _abort_with_eor),)
@@ -373,7 +397,10 @@ MUTANTS: tuple[Mutant, ...] = (
         name="A: RST answered, and the job goes on",
         protocol=_A,
         presets=_QUIET,
-        spoils=((FanucAHost, "_interrupt", _rst_is_answered_and_forgotten),),
+        spoils=(
+            (FanucAHost, "_interrupt", _rst_is_forgotten),
+            (FanucAHost, "_obeyed", _instead(_nothing)),
+        ),
     ),
     Mutant(
         name="A: sum not checked",
@@ -451,6 +478,6 @@ MUTANTS: tuple[Mutant, ...] = (
         name="Bridgeport: DLE ignored",
         protocol=_BP,
         presets=_QUIET,
-        spoils=((BridgeportHost, "_on_cancel", _instead(_nothing)),),
+        spoils=((BridgeportHost, "_hear", _deaf_to_cancel),),
     ),
 )

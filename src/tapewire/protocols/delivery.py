@@ -17,12 +17,19 @@ HEARD_LATE: Final[Nanos] = 100 * MILLISECOND
 had left earlier than that was with the control when it said it."""
 
 
-HEARD_LATE_CHARACTERS: Final = 10
-"""On a slow line it takes longer: two codes cross it, a receive FIFO waits four character times for a fifth, and what
-is being said is finished first."""
+HEARD_LATE_CHARACTERS: Final = 14
+"""On a slow line it takes longer: two codes cross it, a receive FIFO at either end waits four character times for a
+fifth, and what is being said is finished first; at 1200 baud servers and computers add as much as three characters."""
 
 SLOWEST: Final[Nanos] = 220 * MILLISECOND
 """A character at 50 baud, the least of 5083 (10.2). Slower than that something held the line: not its pace."""
+
+
+PACED_CHARACTERS: Final = 8
+"""Over so many the pace of a line is taken,"""
+
+MOST_BEHIND: Final = 4
+"""and so many times the shortest time between two is the most it can be."""
 
 
 class Delivery:
@@ -32,7 +39,9 @@ class Delivery:
         self._stale = stale
         self._left_at: Nanos = 0
         self._log: deque[tuple[Nanos, int]] = deque()
+        self._step: Nanos = 0
         self._pace: Nanos = 0
+        self._paced_from: tuple[Nanos, int] | None = None
         self.sent = 0
         """Handed over to the line and not called back."""
         self.in_flight = 0
@@ -54,12 +63,22 @@ class Delivery:
         if not self.in_flight:
             self._left_at = now
         if self._log and count and now > self._log[-1][0]:
-            pace = min(SLOWEST, (now - self._log[-1][0]) // count)
-            self._pace = min(self._pace or pace, pace)
+            step = min(SLOWEST, (now - self._log[-1][0]) // count)
+            self._step = min(self._step or step, step)
+        self._measure(now, self.sent - self.in_flight)
         self._log.append((now, self.sent - self.in_flight))
         heard = now - self._heard_late
         while len(self._log) > 1 and self._log[1][0] <= heard:
             self._log.popleft()
+
+    def _measure(self, now: Nanos, left: int) -> None:
+        """A computer that is late tells of one character right behind another: over some the pace of the line shows."""
+        since, before = self._paced_from or (now, left)
+        if self._paced_from is None or left - before >= PACED_CHARACTERS:
+            self._paced_from = now, left
+        if left - before >= PACED_CHARACTERS:
+            pace = (now - since) // (left - before)
+            self._pace = min(self._pace or pace, pace)
 
     def call_back(self, count: int) -> None:
         own = min(count, self.in_flight)
@@ -75,5 +94,6 @@ class Delivery:
 
     @property
     def _heard_late(self) -> Nanos:
-        """What leaves one after the other shows how long a character takes on this line."""
-        return max(HEARD_LATE, HEARD_LATE_CHARACTERS * self._pace)
+        """What leaves one after the other shows how long a character takes on this line; a pause does not."""
+        pace = max(self._step, min(self._pace, MOST_BEHIND * self._step))
+        return max(HEARD_LATE, HEARD_LATE_CHARACTERS * pace)

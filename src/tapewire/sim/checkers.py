@@ -15,10 +15,13 @@ from tapewire.engine import Nanos
 from tapewire.line.faults.plan import Wire
 from tapewire.line.paths import PATHS, TransmitterEmpty
 from tapewire.sim.evidence import Attempt, Evidence, Job
+from tapewire.sim.names import Undetectable
 from tapewire.sim.scenarios import Direction, Scenario
 from tapewire.sim.undetectable import Excuses, first_difference
 
-__all__ = ["FOOTPRINT_BYTES", "Finding", "judge"]
+__all__ = ["FOOTPRINT_BYTES", "NO_ENGINE_BREAKS", "Finding", "judge"]
+
+NO_ENGINE_BREAKS: Final = "no engine breaks"
 
 _END_CODES: Final = frozenset(b"\x0d\x8d\x03")
 
@@ -50,7 +53,7 @@ Broken = tuple[str, str, str]
 
 def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterator[Broken]:
     if evidence.broken:
-        yield "no engine breaks", evidence.broken, ""
+        yield NO_ENGINE_BREAKS, evidence.broken, ""
     if evidence.disagreement:
         yield "both ends believe the same parameters", evidence.disagreement, excuses.told_wrongly(evidence.jobs[-1])
     if evidence.footprint > FOOTPRINT_BYTES:
@@ -93,7 +96,7 @@ def _overrun_excuse(scenario: Scenario, allowed: int, moment: Nanos, excuses: Ex
     path = PATHS[scenario.path]
     late_told = path.timeout_characters + scenario.cnc_window
     if path.transmitter_empty is not TransmitterEmpty.ASKED or in_flight(scenario) + late_told > allowed:
-        return "a path that guarantees no stop distance"
+        return Undetectable.NO_STOP_DISTANCE
     return excuses.overrun(moment)
 
 

@@ -16,6 +16,7 @@ from tapewire.line.faults.plan import EndFault, Wire
 from tapewire.line.link import Link
 from tapewire.line.transport import Fault, LineItem
 from tapewire.sim.frames import LAST_CODES, last_codes
+from tapewire.sim.names import Undetectable
 
 __all__ = ["Attempt", "Damage", "Evidence", "Job", "Tap", "Wait"]
 
@@ -35,6 +36,8 @@ class Damage:
     place: int
     sent: bytes
     arrived: tuple[bytes | Fault, ...]
+    late: Nanos = 0
+    """So much later than it would have been it arrives, and what is behind it."""
 
     @property
     def plain(self) -> bytes:
@@ -52,13 +55,13 @@ class Damage:
         return not self.marked and self.plain != self.sent
 
     @property
-    def name(self) -> str:
+    def name(self) -> Undetectable:
         """How what the receiver reads differs."""
         if not self.sent:
-            return "character out of nothing"
+            return Undetectable.OUT_OF_NOTHING
         if not self.plain:
-            return "lost character"
-        return "doubled character" if len(self.plain) > len(self.sent) else "flip without parity"
+            return Undetectable.LOST
+        return Undetectable.DOUBLED if len(self.plain) > len(self.sent) else Undetectable.FLIP
 
 
 @dataclass(slots=True)
@@ -150,6 +153,8 @@ class Job:
 
     began: Nanos
     attempts_before: int
+    place: int = 0
+    """Characters the host had sent before."""
     complete: bool | None = None
     """None: it has not ended, or its process was killed."""
     killed: bool = False
@@ -230,7 +235,8 @@ class Evidence:
     def note_fault(self, entry: Injected) -> None:
         self.last_disturbance = max(self.last_disturbance, entry.moment)
         if len(self.damages) < MOST_DAMAGES:
-            self.damages.append(Damage(entry.moment, entry.kind, entry.wire, entry.place, entry.sent, entry.arrived))
+            what = entry.sent, entry.arrived, entry.late
+            self.damages.append(Damage(entry.moment, entry.kind, entry.wire, entry.place, *what))
 
     def note_act(self, what: str, now: Nanos) -> None:
         self.acts.append((now, what))

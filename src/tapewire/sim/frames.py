@@ -13,6 +13,7 @@ __all__ = [
     "LAST_CODES",
     "cancelled_sums",
     "ends_record",
+    "ends_with_nak",
     "ends_with_stop",
     "forged_records",
     "last_codes",
@@ -130,6 +131,13 @@ def ends_with_stop(brought: bytes) -> bool:
     """The last monitor packet of expansion A is DC3 (5.3), whatever noise came behind it."""
     packets = (brought[at : at + 5] for at in range(len(brought) - 5, -1, -1))
     return next((packet[0] & 0x7F == 0x13 for packet in packets if _is_monitor(packet)), False)
+
+
+def ends_with_nak(sent: bytes, number: int) -> bool:
+    """The last monitor packet of expansion A is NAK, for the packets that bear `number`, 0 to 9 (5.3)."""
+    packets = (sent[at : at + 5] for at in range(len(sent) - 5, -1, -1))
+    last = next((packet for packet in packets if _is_monitor(packet)), b"")
+    return bool(last) and last[0] & 0x7F == 0x15 and last[1] == 0x30 + number
 
 
 def _is_monitor(packet: bytes) -> bool:

@@ -189,7 +189,8 @@ class Trial:
             if self._busy and self._sends and self.scenario.protocol.startswith("fanuc-b"):
                 # What came together with the damage that ends the reading was never seen in its buffer.
                 attempt = self.evidence.attempts[-1]
-                attempt.got = max(attempt.got, event.bytes_high)
+                brought = len(self.evidence.cnc.brought) - attempt.brought
+                attempt.got = max(attempt.got, min(brought, event.bytes_high))
             self.evidence.control_ends.append((now, event.outcome))
             self._busy = False
         elif isinstance(event, AfterStop):
@@ -227,7 +228,8 @@ class Trial:
         return self.evidence
 
     def _arm(self) -> None:
-        job = Job(began=self.world.now, attempts_before=len(self.evidence.attempts))
+        evidence = self.evidence
+        job = Job(began=self.world.now, attempts_before=len(evidence.attempts), place=len(evidence.host.sent))
         if self._sends:
             source = _Hesitant(self.evidence.program, self.scenario.source_pauses, self._draws)
             self.pair.host.start(source, self.world.now)

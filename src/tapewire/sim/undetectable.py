@@ -11,26 +11,41 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Final
 
-from tapewire.codes import EOR_CODES
 from tapewire.engine import Nanos, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.line.pacing import character_time
-from tapewire.protocols.fanuc_a.packets import packet_bytes
+from tapewire.line.paths import PATHS
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
-from tapewire.sim.frames import cancelled_sums, ends_record, ends_with_stop, forged_records, rest_fits, text_of
+from tapewire.sim.frames import (
+    cancelled_sums,
+    ends_record,
+    ends_with_stop,
+    forged_records,
+    rest_fits,
+    text_of,
+)
+from tapewire.sim.names import Undetectable
 from tapewire.sim.scenarios import Act, Direction, Scenario
+from tapewire.sim.unnumbered import lost_packets, went_round
 from tapewire.sim.unposted import (
     CLOSING,
     LEAVING,
+    alarm_behind,
+    announcement_was_hit,
     cut_while_paused,
+    ended_unplugged,
     ends_alike,
+    eor_came_otherwise,
     er_was_hidden,
+    forged_start,
     heard_late,
+    is_silent_alarm,
     looks_like_a_stop,
+    resume_was_hit,
     with_the_last,
 )
 
-__all__ = ["SILENT_ALARM", "Excuses", "first_difference"]
+__all__ = ["Excuses", "first_difference"]
 
 
 def first_difference(got: bytes, program: bytes) -> int | None:
@@ -48,15 +63,7 @@ _NAME_CHARACTERS: Final = 24
 _LETS_GO: Final = frozenset(b"\x11\x15\x18")
 """DC1, NAK, CAN: what a host that is held by DC3 obeys (5.3)."""
 
-_LATE_WORD: Final = "a word of the control that is heard later than 100 ms"
 _STALLS: Final = frozenset({Act.STALL.value, "clock step: host"})
-
-_FORGED: Final = "a control code lost or forged"
-_OTHER_NAME: Final = "a program name that came otherwise"
-_DC1: Final = b"\x11"
-_DC3: Final = b"\x13"
-
-SILENT_ALARM: Final = "an alarm that is told only at RESET (6.4 note 1)"
 
 
 class Excuses:
@@ -109,12 +116,12 @@ class Excuses:
         if not self._er_unseen:
             return ""
         if any(what == "power cut: control" and job.covers(moment) for moment, what in evidence.acts):
-            return "a control whose loss of power nothing shows"
+            return Undetectable.DARK_CONTROL
         failed = self._evidence.control_ended(job, Outcome.FAILED)
         pulled = [damage for damage in evidence.damages if damage.kind == "pulled cable"]
         if not self._is_a and failed and any(job.covers(damage.moment) for damage in pulled):
             # SR855; and while DR is OFF neither SYN nor NAK is posted (6.1.2).
-            return "an alarm of the control while its cable was pulled"
+            return Undetectable.ALARM_UNPLUGGED
         return ""
 
     # what both ends did with what they had
@@ -146,19 +153,30 @@ class Excuses:
             return self._content_a(attempt, wrong)
         if self._linked and self._sends:
             return self._content_linked(attempt)
-        if self._beside_the_program(attempt) or self._began_too_early(attempt, got):
-            return _FORGED
+        if self._beside_the_program(attempt):
+            return Undetectable.READ_AS_TEXT
         damage = self._program_damage(attempt, wrong)
+        if self._is_b and self._began_too_early(attempt, got, damage):
+            return Undetectable.CODE
         faithful = not self._sends or self._host_is_faithful(attempt, wrong)
         if damage is None or not faithful or not self._receiver_is_faithful(attempt, got):
             return ""
         return damage.name
 
-    def _began_too_early(self, attempt: Attempt, got: bytes) -> bool:
-        """Protocol B: the host obeyed a DC1 that nobody had said, and the control got what was left at its own."""
-        hit = [damage for damage in self._unseen(Wire.FROM_CONTROL) if damage.moment <= attempt.began]
-        forged = any(_DC1 in damage.plain and _DC1 not in damage.sent for damage in hit)
-        return self._is_b and self._sends and forged and got in self._evidence.expected
+    def _began_too_early(self, attempt: Attempt, got: bytes, damage: Damage | None) -> bool:
+        """`damage` is what made other characters of the program on the way, where something did."""
+        since = forged_start(self._scenario, self._evidence, attempt, self._unseen(Wire.FROM_CONTROL))
+        if since is None or not self._receiver_is_faithful(attempt, got):
+            return False
+        begun_at = range(max(0, since - self._on_the_way), since + 1)
+        begins = any(self._evidence.program.startswith(got, at) for at in begun_at)
+        return bool(got) and (begins or damage is not None)
+
+    @property
+    def _on_the_way(self) -> int:
+        """Characters that may come in when a reading begins, though they were handed over before."""
+        window = self._scenario.window or self._scenario.default_window
+        return window + PATHS[self._scenario.path].out_of_reach
 
     def _content_a(self, attempt: Attempt, wrong: int) -> str:
         evidence = self._evidence
@@ -166,53 +184,26 @@ class Excuses:
             return ""
         brought = bytes(evidence.cnc.brought[attempt.brought :])
         if cancelled_sums(evidence.host_lives, brought, self._n):
-            return "a sum of eight bits that cancels"
-        return self._lost_packets(attempt, wrong)
+            return Undetectable.SUM
+        return lost_packets(evidence, self._n, attempt, wrong)
 
     @property
     def _n(self) -> int:
         """Of the packets; 0 is protocol A."""
         return int(self._scenario.settings.host.get("n", "4")) if "expansion" in self._scenario.protocol else 0
 
-    def _lost_packets(self, attempt: Attempt, wrong: int) -> str:
-        """Whole packets are missing from byte `wrong` on, and no number shows it: all their characters are gone, or
-        the NAK that asked for them.
-        """
-        if not self._n:
-            return ""
-        length, program = packet_bytes(self._n), self._evidence.expected
-        data, lost = length - 4, self._lost(Wire.FROM_HOST, attempt)
-        unheard = any(damage.moment >= attempt.began for damage in self._evidence.on(Wire.FROM_CONTROL))
-        gap = wrong - wrong % data
-        rest = bytes(attempt.delivered[gap:])
-        resumed = program.find(rest[:64], gap)
-        skipped = (resumed - gap) // data
-        round_trip = resumed > gap and (resumed - gap) % (10 * data) == 0
-        # The first one need not be gone whole: it is asked for by its number, and another bears that by then.
-        if round_trip and (unheard or lost > (skipped - 1) * length):
-            return "ten packets running lost: their numbers go round"
-        missing = len(program) - len(attempt.delivered)
-        if program.endswith(rest) and missing % data == 0 and lost // length * data >= missing:
-            return "a packet lost directly before the end packet"
-        return ""
-
-    def _lost(self, wire: Wire, attempt: Attempt) -> int:
-        """Characters that did not arrive, since the attempt began."""
-        damages = [damage for damage in self._evidence.on(wire) if damage.moment >= attempt.began]
-        return sum(max(0, len(damage.sent) - len(damage.plain)) for damage in damages)
-
     def _content_linked(self, attempt: Attempt) -> str:
         cnc = self._scenario.settings.cnc
         brought = bytes(self._evidence.cnc.brought[attempt.brought :])
         ends = self._codes.record_ends
         if forged_records(bytes(self._evidence.host.sent), brought, cnc.get("lrc", "xor7_etb"), ends):
-            return "a check character of seven bits that cancels"
+            return Undetectable.CHECK
         stalled = any(what in _STALLS and moment >= attempt.began for moment, what in self._evidence.acts)
         if stalled and rest_fits(brought, bytes(attempt.delivered), cnc.get("lrc", "xor7_etb"), ends):
-            return "the rest of a record behind a pause, whose check character fits by chance"
+            return Undetectable.REST
         for damage in self._unseen(Wire.FROM_CONTROL):
             if damage.moment >= attempt.began and self._codes.answers & (set(damage.sent) | set(damage.plain)):
-                return "ACK or NAK lost or forged"
+                return Undetectable.ANSWER
         return ""
 
     def short(self, attempt: Attempt | None, job: Job) -> str:
@@ -227,18 +218,24 @@ class Excuses:
                 return damage.name
         if dark := self._dark_control(job):
             return dark
-        if attempt is not None and self._is_b and ends_alike(self._scenario, self._evidence, job):
-            if with_the_last(self._scenario, self._evidence, attempt):
-                return "an alarm or a reset behind the last characters, without posting"
-            if heard_late(self._evidence, job, CLOSING):
-                return _LATE_WORD
-        cancelled = self._evidence.control_ended(job, Outcome.FAILED, Outcome.CANCELLED)
-        if cancelled and not self._is_a and not self._is_b and heard_late(self._evidence, job, ends_within=0):
-            return _LATE_WORD
+        if attempt is not None and (late := self._end_heard_late(attempt, job)):
+            return late
         hit = self._name_changed(attempt) or self._codes_hit(Wire.FROM_CONTROL, _BRIDGEPORT_NAME, job)
         if self._scenario.protocol == "bridgeport" and hit:
-            return _OTHER_NAME
+            return Undetectable.OTHER_NAME
         return self.told_wrongly(job)
+
+    def _end_heard_late(self, attempt: Attempt, job: Job) -> str:
+        """The control was stopped, and its host heard that as the end, or when it had ended."""
+        scenario, evidence = self._scenario, self._evidence
+        missing = len(evidence.program) - attempt.got
+        if self._is_b and ends_alike(scenario, evidence, job):
+            if with_the_last(scenario, missing):
+                return Undetectable.WITH_THE_LAST
+            return Undetectable.LATE_WORD if heard_late(scenario, evidence, job, missing, CLOSING) else ""
+        # DNC LINK answers the last record, so that its host knows what is whole.
+        counts = not (self._is_a or self._is_b or self._linked)
+        return Undetectable.LATE_WORD if counts and heard_late(scenario, evidence, job, missing, 0) else ""
 
     def _name_changed(self, attempt: Attempt | None) -> bool:
         """Bridgeport: the letter says which of the two the control wants (2.1.2, 2.2.2)."""
@@ -256,8 +253,8 @@ class Excuses:
         """What the control said of itself in the time of `job` came otherwise."""
         if self._is_a:
             heard = bytes(self._evidence.host.brought)
-            return "a sum of eight bits that cancels" * cancelled_sums([bytes(self._evidence.cnc.sent)], heard, 0)
-        return _FORGED if self._codes_hit(Wire.FROM_CONTROL, self._codes.all, job) else ""
+            return Undetectable.SUM if cancelled_sums([bytes(self._evidence.cnc.sent)], heard, 0) else ""
+        return Undetectable.CODE if self._codes_hit(Wire.FROM_CONTROL, self._codes.all, job) else ""
 
     def less(self, attempts: list[Attempt], job: Job, missing: int) -> str:
         """`missing` characters fewer are with the control than the host holds for certain."""
@@ -267,16 +264,19 @@ class Excuses:
         if attempt is not None and not self._is_a:
             lost = sum(max(0, len(damage.sent) - len(damage.plain)) for damage in self._unseen(Wire.FROM_HOST, job))
             if 0 < missing <= lost:
-                return "lost character"
-            if eor := self._eor_came_otherwise(attempt):
-                return eor
+                return Undetectable.LOST
+            if self._eor_came_otherwise(attempt):
+                return Undetectable.EOR
         if attempt is not None and self._is_a:
             wrong = first_difference(bytes(attempt.delivered), self._evidence.expected)
-            if wrong is not None and (lost_packets := self._lost_packets(attempt, wrong)):
-                return lost_packets
-        if heard_late(self._evidence, job, LEAVING):
-            return _LATE_WORD
-        return _OTHER_NAME if self._name_changed(attempt) else self.told_wrongly(job)
+            if wrong is not None and (packets := lost_packets(self._evidence, self._n, attempt, wrong)):
+                return packets
+            if went_round(self._evidence, self._n, attempt, job, missing):
+                return Undetectable.TEN_PACKETS
+        acknowledged = self._is_a or self._linked
+        if not acknowledged and heard_late(self._scenario, self._evidence, job, missing, LEAVING):
+            return Undetectable.LATE_WORD
+        return Undetectable.OTHER_NAME if self._name_changed(attempt) else self.told_wrongly(job)
 
     def more(self, attempts: list[Attempt], surplus: int) -> str:
         """`surplus` characters more are with the control than were handed over. It reads on when its host has ended."""
@@ -286,7 +286,7 @@ class Excuses:
         makers = self._makers(attempt)
         if surplus <= sum(len(damage.plain) - len(damage.sent) for damage in makers):
             return makers[0].name
-        return _FORGED if surplus <= self._beside_the_program(attempt) else ""
+        return Undetectable.READ_AS_TEXT if surplus <= self._beside_the_program(attempt) else ""
 
     def _makers(self, attempt: Attempt) -> list[Damage]:
         """What made characters for the control while it was in this reading."""
@@ -340,7 +340,7 @@ class Excuses:
         damages = self._unseen(Wire.FROM_CONTROL) if self._is_b else self._evidence.on(Wire.FROM_CONTROL)
         late = [damage for damage in self._evidence.damages if damage.kind == "late stop"]
         if any(since <= damage.moment <= moment for damage in damages + late):
-            return "a stop request lost, damaged or late"
+            return Undetectable.STOP_REQUEST
         return ""
 
     # nobody moves any more until a person does something
@@ -350,13 +350,13 @@ class Excuses:
             return self._lost_the_thread(wait)
         if not wait.job.complete:
             # The rest of its work is its operator's.
-            return "the host's job is over, and the control waits for RESET"
-        if self._is_b and self._alarm_behind(wait):
-            return SILENT_ALARM
+            return Undetectable.OVER_AT_HOST
+        if self._is_b and alarm_behind(self._scenario, self._evidence, wait):
+            return Undetectable.SILENT_ALARM
         # The last check character was answered, and nothing answers the end code behind it (4.2).
         hit = [damage for damage in self._evidence.on(Wire.FROM_HOST) if wait.job.covers(damage.moment)]
         if self._linked and any(self._codes.ends & set(damage.sent) for damage in hit):
-            return "the end code lost behind a program that is whole"
+            return Undetectable.END_CODE
         return self.short(wait.attempt, wait.job)
 
     def _lost_the_thread(self, wait: Wait) -> str:
@@ -365,50 +365,40 @@ class Excuses:
             return self._left_while_holding(wait)
         if dark := self._dark_control(job):
             return dark
-        if self._is_b and self._is_silent_alarm(job):
-            return SILENT_ALARM
+        if self._is_b and is_silent_alarm(self._scenario, self._evidence, job):
+            return Undetectable.SILENT_ALARM
         unseen = self._unseen(Wire.FROM_HOST, job)
         if self._sends and wait.moving and self._scenario.override is not None and unseen:
-            return "a damaged block that takes hours"
-        if self._is_b and self._ended_unplugged(wait):
-            return "the end of a reading whose cable was pulled, and ER unseen"
+            return Undetectable.LONG_BLOCK
+        if self._is_b and self._sends and self._er_unseen and ended_unplugged(self._evidence, wait):
+            return Undetectable.END_UNPLUGGED
         silent = self._is_b and self._er_unseen
         if silent and cut_while_paused(self._scenario, self._evidence, wait):
-            return "an alarm or a reset while the host holds CS OFF, and ER unseen"
+            return Undetectable.CS_OFF
         blind = silent or (self._is_b and er_was_hidden(self._evidence, wait.attempt))
         if blind and looks_like_a_stop(self._scenario, self._evidence, wait):
-            return "a reset that looks like a stop: no posting, and ER unseen"
+            return Undetectable.LOOKS_LIKE_STOP
         lost = (wait.said != wait.heard and self._touched(job)) or self._last_was_hit(wait)
-        if lost or self._resume_was_hit(wait) or self._announcement_was_hit(wait):
-            return "a control code lost, damaged or forged"
+        if lost or self._punch_out_was_hit(wait):
+            return Undetectable.CODE
         if self._record_never_came(wait):
-            return "a record of which nothing came"
+            return Undetectable.NO_RECORD
         if self._name_was_hit(wait):
-            return "a program name that came damaged"
+            return Undetectable.DAMAGED_NAME
         if self._is_b and self._sends and wait.attempt is not None:
-            return self._eor_came_otherwise(wait.attempt)
+            return Undetectable.EOR if self._eor_came_otherwise(wait.attempt) else ""
         return ""
 
-    def _is_silent_alarm(self, job: Job) -> bool:
-        """The control goes to alarm by itself, or because of a damaged character."""
-        alarmed = any(job.covers(moment) for moment in self._alarms)
-        return self._tells_at_reset and (alarmed or self._evidence.control_ended(job, Outcome.FAILED))
-
-    def _alarm_behind(self, wait: Wait) -> bool:
-        """It came while the control had a program whole, or was reading the rest of it."""
-        attempt = wait.attempt
-        if attempt is None or attempt.got < len(self._evidence.program):
+    def _punch_out_was_hit(self, wait: Wait) -> bool:
+        """What announces it, or lets it go on."""
+        if self._sends:
             return False
-        return self._tells_at_reset and any(moment >= attempt.began for moment in self._alarms)
+        resume = resume_was_hit(self._unseen(Wire.FROM_HOST, wait.job), wait)
+        return resume or (self._is_b and announcement_was_hit(self._evidence, wait))
 
-    @property
-    def _tells_at_reset(self) -> bool:
-        return self._scenario.settings.cnc.get("alarm") == "at-reset"
-
-    @property
-    def _alarms(self) -> list[Nanos]:
-        """Those of the CNC itself."""
-        return [moment for moment, what in self._evidence.acts if what == Act.ALARM.value]
+    def _eor_came_otherwise(self, attempt: Attempt) -> bool:
+        sent = len(self._handed_over(attempt))
+        return eor_came_otherwise(self._scenario, self._evidence, attempt, sent, self._unseen(Wire.FROM_HOST))
 
     def _last_was_hit(self, wait: Wait) -> bool:
         """One ACK of many looks like another: what the control said last of all is what its host waits for."""
@@ -429,19 +419,6 @@ class Excuses:
         first = not text_of(sent[attempt.place : begins])
         return (first or ends_record(sent[:begins], ends)) and ends_record(sent[begins:], ends)
 
-    def _announcement_was_hit(self, wait: Wait) -> bool:
-        """DC2, and what came of the punch-out behind it is nothing to a host that waits for one (6.1.1 2) (1))."""
-        if self._sends or not self._is_b or wait.attempt is None or wait.job.stored:
-            return False
-        place = wait.attempt.heard + 1
-        hit = self._evidence.on(Wire.FROM_CONTROL)
-        return any(damage.place <= place < damage.place + len(damage.sent) for damage in hit if damage.place)
-
-    def _resume_was_hit(self, wait: Wait) -> bool:
-        """In a punch-out the host says nothing but codes: the last one is what the control waits for (6.1.1 2) (4))."""
-        hit = [damage for damage in self._unseen(Wire.FROM_HOST, wait.job) if damage.place]
-        return not self._sends and any(damage.place + len(damage.sent) - 1 == wait.told for damage in hit)
-
     def _name_was_hit(self, wait: Wait) -> bool:
         """Bridgeport: a damaged name is no name, so nothing is sent until the operator asks again."""
         attempt, evidence = wait.attempt, self._evidence
@@ -458,14 +435,6 @@ class Excuses:
     def _er_unseen(self) -> bool:
         return not self._scenario.has_signals or self._scenario.settings.host.get("er") == "hidden"
 
-    def _ended_unplugged(self, wait: Wait) -> bool:
-        """DR was OFF when the control had the program whole: it needs its host no more, and no DC3 is said (6.1.2)."""
-        ends = [moment for moment, outcome in self._evidence.control_ends if outcome is Outcome.COMPLETE]
-        pulled = [damage.moment for damage in self._evidence.damages if damage.kind == "pulled cable"]
-        began = wait.attempt.began if wait.attempt is not None else wait.job.began
-        unplugged = any(began <= pull <= end and wait.job.covers(end) for pull in pulled for end in ends)
-        return self._sends and self._er_unseen and unplugged and not wait.said.endswith(_DC3)
-
     def _left_while_holding(self, wait: Wait) -> str:
         """5.3 3): a host that was told to wait waits for the next monitor packet, and an open line says nothing."""
         job = wait.job
@@ -473,19 +442,7 @@ class Excuses:
         unheard = [damage for damage in self._evidence.on(Wire.FROM_CONTROL) if _LETS_GO & set(damage.sent)]
         why = any(job.covers(hit.moment) for hit in self._evidence.on(Wire.FROM_HOST) + unheard)
         if held and self._evidence.control_ended(job, Outcome.FAILED) and why:
-            return "a control that gave up the line while it held the host"
-        return ""
-
-    def _eor_came_otherwise(self, attempt: Attempt) -> str:
-        """The control stopped before the end of the program, or reads on behind it."""
-        eor, got = EOR_CODES[self._scenario.settings.data], bytes(attempt.delivered)
-        all_sent = len(self._handed_over(attempt)) >= len(self._evidence.program)
-        reads_on = all_sent and not (got[1:] and got[-1] in eor)
-        stopped = len(got) < len(self._evidence.program) and got[-1:] != b"" and got[-1] in eor
-        for damage in self._unseen(Wire.FROM_HOST):
-            lost, forged = frozenset(eor) & frozenset(damage.sent), frozenset(eor) & frozenset(damage.plain)
-            if damage.moment >= attempt.began and ((reads_on and lost) or (stopped and forged)):
-                return "an EOR lost or forged"
+            return Undetectable.GAVE_UP_HOLDING
         return ""
 
 

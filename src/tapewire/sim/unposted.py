@@ -5,23 +5,33 @@ For `undetectable.py`, which gives these their names.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
+from tapewire.codes import EOR_CODES
 from tapewire.engine import SECOND, Nanos, Outcome
+from tapewire.line.faults.plan import Wire
 from tapewire.line.pacing import character_time
 from tapewire.line.paths import PATHS
 from tapewire.protocols.delivery import HEARD_LATE
-from tapewire.sim.evidence import Attempt, Evidence, Job, Wait
+from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
 from tapewire.sim.scenarios import Act, Direction, Scenario
 
 __all__ = [
     "CLOSING",
     "LEAVING",
+    "alarm_behind",
+    "announcement_was_hit",
     "cut_while_paused",
+    "ended_unplugged",
     "ends_alike",
+    "eor_came_otherwise",
     "er_was_hidden",
+    "forged_start",
     "heard_late",
+    "is_silent_alarm",
     "looks_like_a_stop",
+    "resume_was_hit",
     "with_the_last",
 ]
 
@@ -34,16 +44,47 @@ CLOSING: Final[Nanos] = 6 * SECOND
 LONGEST_BLINK: Final[Nanos] = 2 * SECOND
 """So long a worn pin of DSR has no contact (`loose-dsr`)."""
 
+_DC1: Final = b"\x11"
 _DC3: Final = b"\x13"
 
 
-def heard_late(evidence: Evidence, job: Job, ends_within: Nanos) -> bool:
-    """What ended the job was held back by an adapter, or was said while the host's computer slept for longer than a
-    host reckons with.
+def heard_late(scenario: Scenario, evidence: Evidence, job: Job, missing: int, ends_within: Nanos) -> bool:
+    """What ended the control's operation was held back by an adapter, or was said while the host's computer slept for
+    longer than a host reckons with; and no more is `missing` than can have left meanwhile.
     """
-    late_stop = any(job.covers(hit.moment) for hit in evidence.damages if hit.kind == "late stop")
-    sleeps = [until for since, until in evidence.sleeps if until - since > HEARD_LATE]
-    return late_stop or any(until <= job.ended <= until + ends_within for until in sleeps)
+    character, reach = character_time(scenario.baud), PATHS[scenario.path].out_of_reach
+    ends = [at for at, how in evidence.control_ends if how is not Outcome.COMPLETE and job.covers(at)]
+    for stop in evidence.damages:
+        heard = stop.moment + stop.late + HEARD_LATE
+        held_back = any(stop.moment - HEARD_LATE <= end <= heard for end in ends) and job.ended <= heard + ends_within
+        if stop.kind == "late stop" and held_back and missing <= stop.late // character + reach:
+            return True
+    for since, until in evidence.sleeps:
+        slept = until - since > HEARD_LATE and until <= job.ended <= until + ends_within
+        in_it = any(since - HEARD_LATE <= end <= until for end in ends)
+        if slept and in_it and missing <= HEARD_LATE // character + reach:
+            return True
+    return False
+
+
+def forged_start(scenario: Scenario, evidence: Evidence, attempt: Attempt, unseen: Sequence[Damage]) -> int | None:
+    """The host obeyed a DC1 that nobody had said, and so many characters of its program had gone when the control began
+    to read at its own; None: it is not so. `unseen` is damage of what the control says.
+    """
+    jobs = [job for job in evidence.jobs if job.began <= attempt.began and job.covers(attempt.began)]
+    if not jobs or scenario.direction is not Direction.SEND:
+        return None
+    job = jobs[-1]
+    forged = [hit.moment for hit in unseen if _DC1 in hit.plain and _DC1 not in hit.sent]
+    ends = [at for at, _ in evidence.control_ends]
+    obeyed = any(
+        job.began <= hit <= attempt.began and not any(hit <= end <= attempt.began for end in ends) for hit in forged
+    )
+    gone = bytes(evidence.host.sent[job.place : attempt.place])
+    later = [other.place for other in evidence.attempts if other.began > attempt.began]
+    sent = bytes(evidence.host.sent[job.place : min(later, default=None)])
+    of_program = evidence.program.startswith(sent[: len(evidence.program)])
+    return len(gone) if obeyed and gone and of_program else None
 
 
 def _posts_nothing(scenario: Scenario) -> bool:
@@ -56,9 +97,8 @@ def ends_alike(scenario: Scenario, evidence: Evidence, job: Job) -> bool:
     return sends and _posts_nothing(scenario) and evidence.control_ended(job, Outcome.FAILED, Outcome.CANCELLED)
 
 
-def with_the_last(scenario: Scenario, evidence: Evidence, attempt: Attempt) -> bool:
+def with_the_last(scenario: Scenario, missing: int) -> bool:
     """DC3 may be heard late, and the last characters may stand in a FIFO or an adapter that does not say so."""
-    missing = len(evidence.program) - attempt.got
     return missing <= max(HEARD_LATE // character_time(scenario.baud), PATHS[scenario.path].out_of_reach)
 
 
@@ -73,8 +113,10 @@ def cut_while_paused(scenario: Scenario, evidence: Evidence, wait: Wait) -> bool
 
 def er_was_hidden(evidence: Evidence, attempt: Attempt | None) -> bool:
     """The pin had no contact when the reading began, or lost it in the middle."""
-    since = attempt.began - LONGEST_BLINK if attempt is not None else 0
-    ends = [at for at, _ in evidence.control_ends if attempt is not None and at >= attempt.began]
+    if attempt is None:
+        return False
+    since = attempt.began - LONGEST_BLINK
+    ends = [at for at, _ in evidence.control_ends if at >= attempt.began]
     moments = [damage.moment for damage in evidence.damages if damage.kind.startswith("DSR")]
     return any(since <= moment <= min(ends, default=moment) for moment in moments)
 
@@ -83,3 +125,65 @@ def looks_like_a_stop(scenario: Scenario, evidence: Evidence, wait: Wait) -> boo
     """A reset says DC3. A control that still works is reset only by who ends the waiting."""
     ended = "control" not in wait.who and evidence.control_ended(wait.job, Outcome.FAILED, Outcome.CANCELLED)
     return _posts_nothing(scenario) and ended and wait.heard.endswith(_DC3)
+
+
+def tells_at_reset(scenario: Scenario) -> bool:
+    """6.4 note 1."""
+    return scenario.settings.cnc.get("alarm") == "at-reset"
+
+
+def alarms(evidence: Evidence) -> list[Nanos]:
+    """Those of the CNC itself."""
+    return [moment for moment, what in evidence.acts if what == Act.ALARM.value]
+
+
+def is_silent_alarm(scenario: Scenario, evidence: Evidence, job: Job) -> bool:
+    """The control goes to alarm by itself, or because of a damaged character."""
+    alarmed = any(job.covers(moment) for moment in alarms(evidence))
+    return tells_at_reset(scenario) and (alarmed or evidence.control_ended(job, Outcome.FAILED))
+
+
+def alarm_behind(scenario: Scenario, evidence: Evidence, wait: Wait) -> bool:
+    """It came while the control had a program whole, or was reading the rest of it."""
+    attempt = wait.attempt
+    if attempt is None or attempt.got < len(evidence.program):
+        return False
+    return tells_at_reset(scenario) and any(moment >= attempt.began for moment in alarms(evidence))
+
+
+def announcement_was_hit(evidence: Evidence, wait: Wait) -> bool:
+    """DC2, and what came of the punch-out behind it is nothing to a host that waits for one (6.1.1 2) (1))."""
+    if wait.attempt is None or wait.job.stored:
+        return False
+    place, hit = wait.attempt.heard + 1, evidence.on(Wire.FROM_CONTROL)
+    return any(damage.place <= place < damage.place + len(damage.sent) for damage in hit if damage.place)
+
+
+def resume_was_hit(unseen: Sequence[Damage], wait: Wait) -> bool:
+    """In a punch-out the host says nothing but codes: the last one is what the control waits for (6.1.1 2) (4))."""
+    return any(damage.place + len(damage.sent) - 1 == wait.told for damage in unseen if damage.place)
+
+
+def ended_unplugged(evidence: Evidence, wait: Wait) -> bool:
+    """DR was OFF when the control had the program whole: it needs its host no more, and no DC3 is said (6.1.2)."""
+    ends = [moment for moment, outcome in evidence.control_ends if outcome is Outcome.COMPLETE]
+    pulled = [damage.moment for damage in evidence.damages if damage.kind == "pulled cable"]
+    began = wait.attempt.began if wait.attempt is not None else wait.job.began
+    unplugged = any(began <= pull <= end and wait.job.covers(end) for pull in pulled for end in ends)
+    return unplugged and not wait.said.endswith(_DC3)
+
+
+def eor_came_otherwise(
+    scenario: Scenario, evidence: Evidence, attempt: Attempt, sent: int, unseen: Sequence[Damage]
+) -> bool:
+    """The control stopped before the end of the program, or reads on behind it. `sent` is what was handed over to it,
+    `unseen` damage of that.
+    """
+    eor, got, whole = EOR_CODES[scenario.settings.data], bytes(attempt.delivered), len(evidence.program)
+    reads_on = sent >= whole and not (got[1:] and got[-1] in eor)
+    stopped = len(got) < whole and got[-1:] != b"" and got[-1] in eor
+    for damage in unseen:
+        lost, forged = frozenset(eor) & frozenset(damage.sent), frozenset(eor) & frozenset(damage.plain)
+        if damage.moment >= attempt.began and ((reads_on and lost) or (stopped and forged)):
+            return True
+    return False

@@ -185,6 +185,38 @@ def test_2_1_2_without_its_letter_nothing_is_certain_to_be_with_the_control(word
     assert (rig.end.outcome, rig.end.bytes_low, rig.end.bytes_high) == (Outcome.CANCELLED, low, len(P))
 
 
+@pytest.mark.parametrize("answer", [ACK, NAK])
+@pytest.mark.parametrize("count", [0, 7, len(P), 100])
+def test_2_1_2_an_answer_to_a_guessed_text_says_that_records_were_wanted(answer: bytes, count: int) -> None:
+    rig = Rig().name(b"A77;D").hear(DC1)
+    said = rig.take(count)
+    rig.hear(answer)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+    assert "REMOTE LOAD was guessed" in rig.end.reason
+    assert (rig.end.bytes_low, rig.end.bytes_high) == (0, min(len(said), len(P)))
+    assert rig.take() == b""
+
+
+def test_2_1_2_what_is_called_back_of_a_guessed_text_was_not_sent() -> None:
+    rig = Rig().name(b"A77;D").hear(DC1)
+    rig.hand_over(10)
+    rig.host.receive_data(DLE, rig.now)
+    rig.settle(recalled=4)
+    assert rig.end is not None
+    assert (rig.end.bytes_low, rig.end.bytes_high) == (0, 6)
+
+
+@pytest.mark.parametrize(("word", "guessed"), [(b"A77;D", True), (b"77", True), (b"77;L", False)])
+def test_2_1_2_complete_says_that_it_was_guessed(word: bytes, guessed: bool) -> None:
+    rig = Rig().name(word)
+    assert rig.say(DC1) == P + EOT
+    rig.wait(2 * SECOND)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.COMPLETE
+    assert ("REMOTE LOAD was guessed" in rig.end.reason) is guessed
+
+
 @pytest.mark.parametrize("stray", [b"\x00", b"\x7f", b"\x03", b"\x18"])
 def test_what_is_no_text_begins_no_program_as_to_a_tape_punch(stray: bytes) -> None:
     rig, sink = Rig(None, punch_mode="on"), BytesIO()

@@ -6,6 +6,7 @@ import pytest
 
 from tapewire.engine import (
     SECOND,
+    Ended,
     Notice,
     Outcome,
     Violation,
@@ -17,7 +18,7 @@ from tapewire.protocols.fanuc_a.messages import (
     Message,
     encode_message,
 )
-from tapewire.protocols.fanuc_a.status import AlarmCause, BufferState, Parameters, Setting
+from tapewire.protocols.fanuc_a.status import AlarmCause, BufferState, Parameters, Setting, Status
 from tests.protocols.fanuc_a.host_bench import PROGRAM, Bench
 
 WAT, EOD, SET = Message(command=Command.WAT), Message(command=Command.EOD), Message(command=Command.SET)
@@ -136,21 +137,128 @@ class Test442:
         assert why in bench.ended.reason
         assert (bench.ended.bytes_low, bench.ended.bytes_high) == (0, 100)
 
-    def test_a_sat_that_cannot_be_is_answered_and_believed_nothing(self) -> None:
-        bench = Bench()
-        bench.sending(PROGRAM[:100])
-        assert bench.answer(Command.SAT, b"09000000") == SET
-        assert bench.host.state is State.SENDING
+
+SHIFTED = Parameters(nb=250, no=32, ne=0, tp=40960, to=8193, ti=16384, tx=0, tw=0)
+RTY, FEW = Command.RTY, {"10": 3, "1": 1, "0": 0}
+
+
+def hear(
+    bench: Bench,
+    state: BufferState = BufferState.RESET,
+    stored: int = 0,
+    *,
+    says: Parameters | None = SHIFTED,
+    cause: AlarmCause = AlarmCause.NC_ALARM,
+) -> list[Command]:
+    """What draws a SAT that has these parameters, or those in force."""
+    status = Status(state=state, stored=stored, parameters=says or bench.in_force, cause=cause)
+    said = bench.say(Command.SAT, status.encode()) + bench.wait(0.5)
+    return [message.command for message in bench.messages(said)]
+
+
+class TestSatThatCannotBe:
+    """4.5: the sum of 4.1 does not see a 0 lost and another doubled: all between them is shifted."""
 
     def test_4_5_what_no_control_can_have_is_not_believed(self) -> None:
-        """The sum of 4.1 does not see a digit lost and the same doubled: all between them is shifted."""
         bench = Bench()
         bench.power_on()
         bench.arm()
-        bench.in_force = Parameters(nb=250, no=32, ne=0, tp=40960, to=8193, ti=16384, tx=0, tw=0)
-        assert bench.sat() == SET
+        assert hear(bench) == [RTY]
         assert "Tp = 40960" in bench.all(Violation)[-1].what
-        assert bench.answer(Command.RTY, b"1") == SET, "Ne is what it was"
+        assert hear(bench, says=None) == [Command.SET]
         silence = bench.host.next_deadline()
         assert silence is not None
         assert silence - bench.now < 10 * SECOND
+        assert bench.answer(Command.GTD).command is Command.DAT
+
+    @pytest.mark.parametrize(("state", "stored"), [(BufferState.RESET, 0), (BufferState.OPERATING, 0)])
+    def test_4_5_its_state_does_not_prove_the_last_dat(self, state: BufferState, stored: int) -> None:
+        """The DAT was refused (state 3, cause 1), and that came shifted."""
+        bench = Bench()
+        bench.sending(PROGRAM[:100])
+        assert hear(bench, state, stored) == [RTY]
+        assert (bench.host.state, bench.all(Ended)) == (State.SENDING, [])
+        assert hear(bench, BufferState.ALARM, says=None, cause=AlarmCause.CHECKSUM) == [Command.SET]
+        assert (bench.ended.outcome, bench.ended.bytes_low) == (Outcome.FAILED, 0)
+        assert "checksum" in bench.ended.reason
+
+    def test_4_5_its_stored_bytes_do_not_complete(self) -> None:
+        bench = Bench()
+        bench.delivered()
+        assert hear(bench, BufferState.OPERATING, 0) == [RTY]
+        assert bench.all(Ended) == []
+        assert hear(bench, BufferState.OPERATING, 10, says=None) == [Command.SET]
+        assert bench.all(Ended) == []
+        assert hear(bench, BufferState.OPERATING, 0, says=None) == [Command.SET]
+        assert bench.ended.outcome is Outcome.COMPLETE
+
+    @pytest.mark.parametrize("most", FEW)
+    def test_4_5_a_control_that_always_says_so_makes_the_job_failed(self, most: str) -> None:
+        """Not for ever, and with the value in the reason; SET may mend it for the next job."""
+        bench = Bench(Ne=most)
+        bench.delivered()
+        heard = [hear(bench, BufferState.OPERATING, 0) for _ in range(FEW[most] + 1)]
+        assert heard == [[RTY]] * FEW[most] + [[Command.SET]]
+        assert bench.ended.outcome is Outcome.FAILED
+        assert "delivered whole, not executed: nothing that" in bench.ended.reason
+        assert "SAT with Tp = 40960 s: 1 to 99 is possible" in bench.ended.reason
+        assert (bench.ended.bytes_low, bench.ended.bytes_high) == (len(PROGRAM), len(PROGRAM))
+        assert hear(bench) == [Command.SET], "and it is asked no more"
+
+    def test_4_5_what_it_held_before_our_first_set_may_be_mended_by_that(self) -> None:
+        bench = Bench()
+        bench.arm()
+        assert bench.answer(Command.SYN).command is Command.SYN
+        assert [hear(bench) for _ in range(4)] == [[RTY]] * 3 + [[Command.SET]]
+        bench.in_force = bench.params.wanted
+        assert hear(bench, says=None) == [Command.SET]
+        assert bench.answer(Command.GTD).command is Command.DAT
+
+    @pytest.mark.parametrize("hears", range(1, 4))
+    def test_4_5_or_not_and_then_an_armed_program_is_not_armed_for_ever(self, hears: int) -> None:
+        """Also where the control gives up at so few RTY, and begins anew after each time."""
+        bench = Bench()
+        bench.arm()
+        for _ in range(10):
+            bench.say(Command.SYN)
+            for _ in range(hears + 1):
+                if bench.all(Ended):
+                    break
+                hear(bench)
+        assert bench.ended.outcome is Outcome.FAILED
+        assert bench.ended.reason.startswith("nothing was sent: ")
+        assert "SAT with Tp = 40960 s" in bench.ended.reason
+        assert bench.ended.bytes_high == 0
+
+    def test_4_5_each_job_asks_anew(self) -> None:
+        bench = Bench()
+        bench.delivered()
+        for _ in range(4):
+            hear(bench, BufferState.OPERATING)
+        bench.arm()
+        assert hear(bench) == [RTY]
+
+    def test_4_5_after_the_end_packet_it_is_asked_for_again(self) -> None:
+        bench = Bench(expansion=True, n="1")
+        bench.streaming()
+        assert bench.host.state is State.AWAITING
+        assert hear(bench, BufferState.OPERATING, 0) == [RTY]
+        assert bench.all(Ended) == []
+        assert hear(bench, BufferState.OPERATING, 0, says=None) == [Command.SET]
+        assert bench.ended.outcome is Outcome.COMPLETE
+
+    def test_4_5_inside_the_packets_it_says_that_the_control_has_left_them(self) -> None:
+        bench = Bench(expansion=True, n="1")
+        bench.streaming(limit=300)
+        bench.say(Command.SAT, Status(state=BufferState.RESET, parameters=SHIFTED).encode())
+        assert bench.ended.outcome is Outcome.FAILED
+        assert "before the end packet" in bench.ended.reason
+
+    @pytest.mark.parametrize("data", [b"09000000", b"0100000", b"0100XYZ0", b"03500000", b"0100000000FG"])
+    def test_4_4_2_nor_is_one_that_cannot_be_read(self, data: bytes) -> None:
+        bench = Bench()
+        bench.sending(PROGRAM[:100])
+        said = [bench.messages(bench.say(Command.SAT, data) + bench.wait(0.5)) for _ in range(4)]
+        assert [[message.command for message in each] for each in said] == [[RTY]] * 3 + [[Command.SET]]
+        assert (bench.ended.outcome, bench.ended.bytes_low) == (Outcome.FAILED, 0)
+        assert "nothing that the control says of its state can be believed: " in bench.ended.reason

@@ -19,9 +19,10 @@ from tapewire.protocols.fanuc_a.messages import (
     Message,
     MessageReader,
     Unreadable,
+    encode_message,
 )
-from tapewire.protocols.fanuc_a.packets import Monitor
-from tapewire.protocols.fanuc_a.status import BufferState
+from tapewire.protocols.fanuc_a.packets import Kind, Monitor
+from tapewire.protocols.fanuc_a.status import BufferState, Status
 from tests.protocols.fanuc_a.host_bench import PROGRAM, Bench
 
 WAT, EOD, SET = Message(command=Command.WAT), Message(command=Command.EOD), Message(command=Command.SET)
@@ -73,6 +74,20 @@ class TestADatThatHasNotLeft:
         bench.pull()
         bench.host.receive_signals(SignalsIn(), bench.now)
         assert bench.answer(Command.SYN) == Message(command=Command.SYN)
+
+    def test_5_1_after_packets_nothing_of_it_is_ended_any_more(self) -> None:
+        bench = Bench(expansion=True, n="1")
+        bench.host.receive_signals(SignalsIn(), bench.now)
+        bench.power_on()
+        bench.arm()
+        sat = Status(parameters=bench.in_force, state=BufferState.RESET).encode()
+        bench.host.receive_data(encode_message(Message(command=Command.SAT, data=sat), Coding()), bench.now)
+        assert len(bench.pull(3)) == 3
+        bench.host.receive_signals(SignalsIn(dsr=False), bench.now)
+        bench.host.receive_signals(SignalsIn(), bench.now)
+        assert bench.packets(bench.say(Command.GTD))[-1].kind is Kind.END
+        assert bench.sat(BufferState.OPERATING, 0) == SET
+        assert bench.ended.outcome is Outcome.COMPLETE
 
     def test_er_off_ends_a_packet(self) -> None:
         bench = Bench(expansion=True, n="1")

@@ -288,7 +288,7 @@ class Injector:
         spans = [rule.fault.characters * self._character for rule in self._stops if rule.hits(number)]
         if not spans:
             return []
-        self.log.note(moment, LateStop.kind, self.wire, number + 1)
+        self.log.note(moment, LateStop.kind, self.wire, number + 1, late=max(spans))
         return [(place, Late(max(spans)))]
 
     def _account(self, byte: int, arrived: list[bytes | Fault]) -> None:

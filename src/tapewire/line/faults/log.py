@@ -31,6 +31,8 @@ class Injected:
     """What it hit,"""
     arrived: tuple[bytes | Fault, ...] = ()
     """and what came of it."""
+    late: Nanos = 0
+    """So much later it arrives."""
 
     def __str__(self) -> str:
         return f"{self.kind} {self.wire}" + (f", number {self.place}" if self.place else "")
@@ -53,8 +55,10 @@ class FaultLog:
         place: int,
         sent: bytes = b"",
         arrived: tuple[bytes | Fault, ...] = (),
+        *,
+        late: Nanos = 0,
     ) -> None:
-        entry = Injected(moment, kind, wire, place, sent, arrived)
+        entry = Injected(moment, kind, wire, place, sent, arrived, late)
         self.counts[kind] += 1
         self.entries.append(entry)
         self.tell(entry)

@@ -36,7 +36,7 @@ from tapewire.engine import (
     Violation,
 )
 from tapewire.protocols.bridgeport.code_table import SEVEN_BITS
-from tapewire.protocols.bridgeport.host_job import AGAIN, Job
+from tapewire.protocols.bridgeport.host_job import AGAIN, ASK_AGAIN, Job
 from tapewire.protocols.bridgeport.host_law import (
     LAW,
     SENDING,
@@ -54,8 +54,6 @@ from tapewire.protocols.bridgeport.text import TEXT
 from tapewire.protocols.settings import Switch
 
 __all__ = ["LAW", "BridgeportHost", "State"]
-
-ASK_AGAIN: Final = "cancel at the control and ask again"
 
 DAMAGED_WAIT: Final[Nanos] = 60 * SECOND
 """A damaged character stops us, since it may have been XOFF: after so long without another, the job has failed."""
@@ -123,26 +121,6 @@ class BridgeportHost(Job):
             self._timers.start(Timer.DAMAGED, now + DAMAGED_WAIT)
         else:
             self._doubt(fault)
-
-    def _doubt(self, fault: LineFault) -> None:
-        """Nothing of ours is under way, so it may have been a cancel: what hangs on its not being one is doubtful."""
-        match self._state:
-            case State.TAIL if self._tail_verdict is None:
-                why = "sent whole, then a damaged character came, which may have been a cancel: see at the control"
-                self._tail_verdict = Outcome.FAILED, f"{why} whether the program is in"
-            case State.SAVED:
-                assert self._reception is not None
-                self._reception.damage = self._reception.damage or f"{fault} behind its end"
-            case State.HOLD:
-                self._events.put(Notice(text=f"it may have been a cancel: {self._what} is not waited for any more"))
-                self._rest()
-            case State.WAIT_ACK:
-                why = f"it may have been the answer to a record: if nothing follows, {ASK_AGAIN}"
-                self._events.put(Notice(text=why))
-            case State.REST if self._name is not None:
-                self._name, self._spoilt_name = None, f"{fault} behind it"
-            case _:
-                pass
 
     def receive_signals(self, signals: SignalsIn, now: Nanos) -> None:
         """Where the line shows whether the control is switched on, its going off ends the job."""
@@ -409,7 +387,7 @@ class BridgeportHost(Job):
     def _on_ack(self, now: Nanos) -> None:
         """4.2.1: the next record. While XOFF holds, 3.2 still wants an XON first."""
         if not isinstance(self._transmission, LinkRecords):
-            self._ignore(Heard.ACK, self._params.ack)
+            self._on_answered_text(Heard.ACK, self._params.ack, now)
             return
         if self._state in (State.RECORD, State.TAIL) and not self._transmission.only_end_is_left:
             self._ignore(Heard.ACK, self._params.ack)
@@ -421,18 +399,26 @@ class BridgeportHost(Job):
 
     def _on_nak(self, now: Nanos) -> None:
         """4.2.1: the same record; one that is still going out is finished first."""
+        if not isinstance(self._transmission, LinkRecords):
+            self._on_answered_text(Heard.NAK, self._params.nak, now)
+            return
         if self._state is State.TAIL:
             self._on_refused_end(now)
             return
         self._events.put(Violation(what="NAK: a record arrived damaged"))
         self._answered(now)
-        assert isinstance(self._transmission, LinkRecords)
         self._transmission.nak()
         self._follow(now)
 
+    def _on_answered_text(self, heard: Heard, character: int, now: Nanos) -> None:
+        if self._has_guessed:
+            self._end_guess(name_of(character).split()[0], now)
+        else:
+            self._ignore(heard, character)
+
     def _on_refused_end(self, now: Nanos) -> None:
         """The text knows no such answer, but it is none that says the program is in."""
-        if self._more_to_send or not isinstance(self._transmission, LinkRecords):
+        if self._more_to_send:
             self._ignore(Heard.NAK, self._params.nak)
             return
         why = "sent whole, but the control answers the end with NAK: look there whether the program is in; dnc_end says"

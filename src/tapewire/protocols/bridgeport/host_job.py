@@ -13,6 +13,7 @@ from tapewire.engine import (
     SECOND,
     Ended,
     Events,
+    LineFault,
     Nanos,
     Notice,
     Outcome,
@@ -33,7 +34,7 @@ from tapewire.protocols.bridgeport.messages import Mode, Name, Params, WhenMissi
 from tapewire.protocols.bridgeport.records import LINK_TEXT_BYTES
 from tapewire.protocols.delivery import Delivery
 
-__all__ = ["AGAIN", "Job"]
+__all__ = ["AGAIN", "ASK_AGAIN", "Job"]
 
 SOURCE_POLL: Final[Nanos] = 10 * MILLISECOND
 """How often a source that had nothing yet is asked again."""
@@ -41,7 +42,13 @@ SOURCE_POLL: Final[Nanos] = 10 * MILLISECOND
 LIBRARY_POLL: Final[Nanos] = SECOND
 """How often a program that the control waits for is looked for again: no person notices a shorter wait."""
 
+ASK_AGAIN: Final = "cancel at the control and ask again"
+
 AGAIN: Final = "cancel the transfer at the control before anything else is sent to it"
+
+GUESSED: Final = (
+    "the name had no letter, and REMOTE LOAD was guessed by the length: look there whether the program is in"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,10 +70,9 @@ class _Ending:
         transmission = self.transmission
         if self.outcome is Outcome.COMPLETE or transmission is None:
             return self.progress, self.progress
-        if transmission.proven is not None:
-            return transmission.proven, transmission.position
         high = min(transmission.position, self.delivery.sent)
-        return min(self.certain, high), high
+        low = self.certain if transmission.proven is None else transmission.proven
+        return min(low, high), high
 
 
 class Job:
@@ -279,8 +285,38 @@ class Job:
             self._start(Timer.END, self._params.end_wait, now)
 
     def _finish_tail(self, now: Nanos) -> None:
-        outcome, reason = self._tail_verdict or (Outcome.COMPLETE, "the control has been sent the whole program")
+        guess = f"; {GUESSED}" if self._has_guessed else ""
+        whole = Outcome.COMPLETE, f"the control has been sent the whole program{guess}"
+        outcome, reason = self._tail_verdict or whole
         self._end(outcome, reason, now)
+
+    @property
+    def _has_guessed(self) -> bool:
+        return isinstance(self._transmission, LoadText) and self._transmission.guessed
+
+    def _end_guess(self, answer: str, now: Nanos) -> None:
+        """Nothing acknowledges a text (2.1): a control that answers it wanted records, and keeps nothing of this."""
+        self._end(Outcome.FAILED, f"{answer} to a text, as to a record of DNC LINK: {GUESSED}; {AGAIN}", now)
+
+    def _doubt(self, fault: LineFault) -> None:
+        """Nothing of ours is under way, so it may have been a cancel: what hangs on its not being one is doubtful."""
+        match self._state:
+            case State.TAIL if self._tail_verdict is None:
+                why = "sent whole, then a damaged character came, which may have been a cancel: see at the control"
+                self._tail_verdict = Outcome.FAILED, f"{why} whether the program is in"
+            case State.SAVED:
+                assert self._reception is not None
+                self._reception.damage = self._reception.damage or f"{fault} behind its end"
+            case State.HOLD:
+                self._events.put(Notice(text=f"it may have been a cancel: {self._what} is not waited for any more"))
+                self._rest()
+            case State.WAIT_ACK:
+                why = f"it may have been the answer to a record: if nothing follows, {ASK_AGAIN}"
+                self._events.put(Notice(text=why))
+            case State.REST if self._name is not None:
+                self._name, self._spoilt_name = None, f"{fault} behind it"
+            case _:
+                pass
 
     # a program from the control
 

@@ -29,12 +29,11 @@ from tapewire.protocols.fanuc_a.messages import (
     Command,
     DataError,
     Message,
-    encode_image,
     parse_image,
 )
 from tapewire.protocols.fanuc_a.packets import MonitorPacket, packet_bytes
 from tapewire.protocols.fanuc_a.params import GtdAnswers, RstAtEnd
-from tapewire.protocols.fanuc_a.status import CAUSES, BufferState, Status
+from tapewire.protocols.fanuc_a.status import CAUSES, BufferState, Status, disbelief
 
 __all__ = ["LAW", "FanucAHost", "State"]
 
@@ -79,6 +78,7 @@ class FanucAHost(HostLine):
         if not self._recall:
             self._outbox.forget_program()
         self._exchange.forget_retries()
+        self._doubted = 0
         self._exchange.begin(now)
         self._told -= {"obstacle", "status"}
         if self._streaming.waits_for_job and self._fresh and not self._agreement.obstacle:
@@ -106,34 +106,6 @@ class FanucAHost(HostLine):
 
     def release(self, now: Nanos) -> None:
         """There is no reception."""
-
-    def read_di(self, now: Nanos) -> None:
-        """Ask for the DI byte (RDI); `di` has it when SDI has come."""
-        self._wishes[Command.RDI] = Message(command=Command.RDI)
-
-    @property
-    def di(self) -> int | None:
-        """The DI byte G152 as the control last told it."""
-        return self._di
-
-    def set_do(self, image: int, now: Nanos) -> None:
-        """Set the DO byte F152 (SDO). Raises UsageError for anything but 0 to 255."""
-        if not 0 <= image <= 0xFF:
-            raise UsageError(f"DO is a byte, 0 to 255, not {image}")
-        self._wishes[Command.SDO] = Message(command=Command.SDO, data=encode_image(image))
-
-    def clear_buffer(self, now: Nanos) -> None:
-        """Clear the control's buffer (CLB). Raises UsageError during a job: its blocks would be skipped unseen."""
-        self._wish_between_jobs(Command.CLB)
-
-    def initialise(self, now: Nanos) -> None:
-        """Have the control initialise itself anew (SYN). Raises UsageError during a job, which would be lost."""
-        self._wish_between_jobs(Command.SYN)
-
-    def _wish_between_jobs(self, command: Command) -> None:
-        if self._state in BEGUN:
-            raise UsageError(f"{command.value} would spoil the job under way; abort it or wait for its end")
-        self._wishes[command] = Message(command=command)
 
     @property
     def state(self) -> State:
@@ -247,17 +219,15 @@ class FanucAHost(HostLine):
     # SAT
 
     def _on_sat(self, message: Message, now: Nanos) -> None:
-        try:
-            status = Status.parse(message.data, self._agreement.base)
-        except DataError as error:
-            self._events.put(Violation(what=str(error)))
+        base = self._agreement.base
+        if doubt := disbelief(message.data, base):
+            self._disbelieve(doubt, now)
         else:
+            status = Status.parse(message.data, base)
             self._hear_parameters(status)
             self._judge(status, now)
         if self._state is State.STREAMING:
             self._interrupt(Outcome.FAILED, "SAT before the end packet: the control has left the packets", now)
-        if self._state is State.AWAITING:
-            self._interrupt(Outcome.FAILED, "no status that can be read after the end packet", now)
         self._answer_sat()
 
     def _answer_sat(self) -> None:
@@ -265,14 +235,22 @@ class FanucAHost(HostLine):
             self._say(Command.SET, self._agreement.set_data())
 
     def _hear_parameters(self, status: Status) -> None:
-        """A 0 lost and another doubled keep the sum; no Tp of hours and no Ne of 0 shall come of that (4.5)."""
-        if out := status.parameters.out_of_range():
-            self._events.put(Violation(what=f"SAT with {out}: its parameters are not believed"))
-            return
         self._agreement.hear(status)
         if self._agreement.refused and "refused" not in self._told:
             self._told.add("refused")
             self._events.put(Notice(text=f"the control does not take what SET asks for: {self._agreement.differences}"))
+
+    def _disbelieve(self, doubt: str, now: Nanos) -> None:
+        """A SAT that no control can say (4.5) proves nothing. One that has come so often is no damage, and no end of a
+        job will ever be believed of this control; only what it held before our first SET may yet be mended by that.
+        """
+        self._events.put(Violation(what=doubt))
+        reason = f"nothing that the control says of its state can be believed: {doubt}"
+        if self._state is State.ARMED and self._doubted_enough:
+            if self._agreement.settled:
+                self._end(Outcome.FAILED, f"nothing was sent: {reason}", now)
+        elif self._state is not State.STREAMING:
+            self._interrupt(Outcome.FAILED, reason, now)
 
     def _judge(self, status: Status, now: Nanos) -> None:
         """What the state of the control means for the job (4.4.2 1), 4.7)."""

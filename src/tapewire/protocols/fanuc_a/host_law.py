@@ -97,7 +97,7 @@ def _resets() -> dict[tuple[State, Command], Row]:
 LAW: Final[dict[tuple[State, Command], Row]] = {
     **_resets(),
     (_S.IDLE, Command.SAT): _row(Command.SAT, _S.IDLE),
-    (_S.ARMED, Command.SAT): _row(Command.SAT, _S.ARMED),
+    (_S.ARMED, Command.SAT): _row(Command.SAT, _S.ARMED, _S.IDLE),
     (_S.SENDING, Command.SAT): _row(Command.SAT, _S.SENDING, _S.DELIVERED, *_OVER),
     (_S.STREAMING, Command.SAT): _row(Command.SAT, _S.IDLE),
     (_S.AWAITING, Command.SAT): _row(Command.SAT, _S.DELIVERED, *_OVER),

@@ -27,14 +27,16 @@ from tapewire.engine import (
     Timers,
     Violation,
 )
+from tapewire.errors import UsageError
 from tapewire.protocols.fanuc_a.host_agreement import Agreement
 from tapewire.protocols.fanuc_a.host_exchange import Exchange, Heard
 from tapewire.protocols.fanuc_a.host_job import Job
 from tapewire.protocols.fanuc_a.host_law import State, Timer
 from tapewire.protocols.fanuc_a.host_streaming import SourcePoll, Streaming
-from tapewire.protocols.fanuc_a.messages import Command, Message, Unreadable
+from tapewire.protocols.fanuc_a.messages import Command, Message, Unreadable, encode_image
 from tapewire.protocols.fanuc_a.packets import BadMonitor, MonitorPacket
 from tapewire.protocols.fanuc_a.params import First, Params
+from tapewire.protocols.fanuc_a.status import disbelief
 
 __all__ = ["BEGUN", "UNDER_WAY", "HostLine"]
 
@@ -55,6 +57,9 @@ BETWEEN_JOBS: Final = (Command.CLB, Command.SYN)
 """What would spoil a job under way."""
 
 TOO_OFTEN: Final = "more repetitions than Ne allows"
+
+MOST_DOUBTS: Final = 3
+"""A SAT that cannot be is asked for again so often, and not more than Ne times: after that it is no damage."""
 
 
 class HostLine(ABC):
@@ -87,6 +92,7 @@ class HostLine(ABC):
         self._high = 0
         self._told: set[str] = set()
         self._sdi_due = False
+        self._doubted = 0
         self._stored_at_end: int | None = None
         self._canned = False
         self._nudged = False
@@ -275,6 +281,8 @@ class HostLine(ABC):
 
     def _hear(self, heard: Heard, now: Nanos) -> None:
         match heard:
+            case Message() if doubt := self._doubt(heard):
+                self._hear_nothing(doubt, now)
             case Message():
                 self._hear_message(heard, now)
             case MonitorPacket() if self._streaming.active:
@@ -287,6 +295,22 @@ class HostLine(ABC):
                 self._hear_nothing("monitor packet that cannot be read", now, monitor=True)
         self._exchange.reader.monitors = self._agreement.n > 0
         self._settle(now)
+
+    def _doubt(self, message: Message) -> str:
+        """Why this SAT is asked for again although its sum is right; empty when it is not.
+
+        A 0 lost and another doubled keep the sum and shift what stands between: where that makes a state or a parameter
+        that cannot be (4.4.2, 4.5), the rest may be another too. Among packets nothing can ask.
+        """
+        if message.command is not Command.SAT or self._streaming.our_turn:
+            return ""
+        doubt = disbelief(message.data, self._agreement.base)
+        self._doubted = self._doubted + 1 if doubt else 0
+        return "" if self._doubted_enough else doubt
+
+    @property
+    def _doubted_enough(self) -> bool:
+        return self._doubted > min(MOST_DOUBTS, self._agreement.ne)
 
     def _hear_nothing(self, what: str, now: Nanos, *, monitor: bool = False) -> None:
         """4.6: what arrived damaged is asked for again; among packets nothing can ask, so the transfer is held."""
@@ -348,13 +372,43 @@ class HostLine(ABC):
         self._agreement.begin_anew()
         self._exchange.forget_retries()
 
-    # the end of a job
+    # what the application wants to have said
+
+    def read_di(self, now: Nanos) -> None:
+        """Ask for the DI byte (RDI); `di` has it when SDI has come."""
+        self._wishes[Command.RDI] = Message(command=Command.RDI)
+
+    @property
+    def di(self) -> int | None:
+        """The DI byte G152 as the control last told it."""
+        return self._di
+
+    def set_do(self, image: int, now: Nanos) -> None:
+        """Set the DO byte F152 (SDO). Raises UsageError for anything but 0 to 255."""
+        if not 0 <= image <= 0xFF:
+            raise UsageError(f"DO is a byte, 0 to 255, not {image}")
+        self._wishes[Command.SDO] = Message(command=Command.SDO, data=encode_image(image))
+
+    def clear_buffer(self, now: Nanos) -> None:
+        """Clear the control's buffer (CLB). Raises UsageError during a job: its blocks would be skipped unseen."""
+        self._wish_between_jobs(Command.CLB)
+
+    def initialise(self, now: Nanos) -> None:
+        """Have the control initialise itself anew (SYN). Raises UsageError during a job, which would be lost."""
+        self._wish_between_jobs(Command.SYN)
+
+    def _wish_between_jobs(self, command: Command) -> None:
+        if self._state in BEGUN:
+            raise UsageError(f"{command.value} would spoil the job under way; abort it or wait for its end")
+        self._wishes[command] = Message(command=command)
 
     def _drop_wishes(self) -> None:
         """A job is under way: what was wished before it and not yet said would spoil it."""
         for command in BETWEEN_JOBS:
             if self._wishes.pop(command, None) is not None:
                 self._events.put(Notice(text=f"{command.value} was not said any more: a job has begun"))
+
+    # the end of a job
 
     @property
     def _certain(self) -> int:

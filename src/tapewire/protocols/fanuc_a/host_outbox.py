@@ -84,7 +84,7 @@ class Outbox:
         self.put(b"")
 
     def begin_anew(self) -> None:
-        """The control has been initialised: it waits for the rest of nothing."""
+        """The control has been initialised, or waits for packets: it waits for the rest of no message."""
         self._abandoned = None
 
     def _part_out(self) -> _Broken | None:

@@ -110,14 +110,18 @@ class Streaming:
 
     def begin(self, job: Job | None) -> None:
         """Answer GTD by packets: those of `job`, or invalid ones."""
-        self.close()
-        self._stream = PacketStream(self._agreement.n, self._params, job)
+        self._open(PacketStream(self._agreement.n, self._params, job))
         self._first_wait = min(round(self._params.wat_after * SECOND), self._keep_alive_time)
 
     def begin_end_only(self) -> None:
         """Answer GTD by an end packet that holds EOR: there is nothing left."""
+        self._open(PacketStream.end_only(self._agreement.n, self._params))
+
+    def _open(self, stream: PacketStream) -> None:
+        """A control that has said GTD waits for the rest of no message; what ended one would spoil the packets."""
         self.close()
-        self._stream = PacketStream.end_only(self._agreement.n, self._params)
+        self._outbox.begin_anew()
+        self._stream = stream
 
     def take_up(self, job: Job) -> None:
         """A program for a GTD that got invalid packets so far."""

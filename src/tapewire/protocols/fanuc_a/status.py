@@ -26,6 +26,7 @@ __all__ = [
     "Parameters",
     "Setting",
     "Status",
+    "disbelief",
 ]
 
 SHORTEST_STATUS: Final = 8
@@ -249,6 +250,15 @@ class Setting:
         """`length` is 56 or 72: one that stops at 48 might not be accepted."""
         assert USED_LENGTH <= length <= LONGEST_DATA
         return _encode(self.switching.encode(), None, self.parameters, length, filler)
+
+
+def disbelief(data: bytes, base: Parameters) -> str:
+    """Why nothing of these data of SAT is believed; empty when they are."""
+    try:
+        impossible = Status.parse(data, base).parameters.out_of_range()
+    except DataError as error:
+        return str(error)
+    return f"SAT with {impossible}" if impossible else ""
 
 
 CAUSES: Final = {

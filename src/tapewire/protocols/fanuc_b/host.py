@@ -45,12 +45,12 @@ from tapewire.protocols.fanuc_b.host_delivery import HEARD_LATE, Delivery, Suppl
 from tapewire.protocols.fanuc_b.host_law import (
     DAMAGED_WAIT,
     ER_FELL,
+    ER_ROSE,
     FEED,
     LAW,
     LEAVING,
     LOOKS_LIKE_RESET,
     NOTICES,
-    RESET_AT_END,
     RISK_BLIND,
     RISK_POWER,
     SOURCE_POLL,
@@ -59,8 +59,8 @@ from tapewire.protocols.fanuc_b.host_law import (
     Timer,
 )
 from tapewire.protocols.fanuc_b.host_reception import Pause, Reception
-from tapewire.protocols.fanuc_b.messages import ControlCode, ErLine, Params, SynAtEnd, code_of
-from tapewire.protocols.settings import Switch
+from tapewire.protocols.fanuc_b.host_signs import Er, Signs
+from tapewire.protocols.fanuc_b.messages import ControlCode, Params, code_of
 
 __all__ = ["LAW", "FanucBHost", "State"]
 
@@ -79,9 +79,8 @@ class FanucBHost:
         self._state = State.IDLE
         self._timers = Timers()
         self._events = Events()
-        self._rs = True
-        self._er = self._sees_er = self._has_signals = False
-        self._held_by_damage = self._stopped_at_rest = self._recall = False
+        self._signs = Signs(params)
+        self._held_by_damage = self._recall = False
         self._pause = Pause(params)
         self._delivery = Delivery(params.limits)
         self._supply = Supply(None)
@@ -112,7 +111,7 @@ class FanucBHost:
     def hold_reception(self, now: Nanos) -> None:
         """Pause the punch-out, or the next one (6.1.1 2) (3)). The control may still send its overrun."""
         before, self._pause.wanted = self._pause.wanted, self._state in (State.LISTENING, State.RECEIVING)
-        if self._pause.cs_off and not before and not self._has_signals:
+        if self._pause.cs_off and not before and not self._signs.are_shown:
             self._events.put(Violation(what="pause=cs pauses nothing: this line has no control lines"))
 
     def release(self, now: Nanos) -> None:
@@ -163,31 +162,29 @@ class FanucBHost:
 
     def receive_signals(self, signals: SignalsIn, now: Nanos) -> None:
         """Host CTS is the control's RS, host DSR its ER (3.2)."""
-        self._has_signals = True
-        if signals.cts != self._rs:
-            self._rs = signals.cts
-            if self._state is State.SENDING:
-                self._events.put(Resumed(why="RS is ON again") if self._rs else Held(why="the control's RS is OFF"))
-        fell, rose = self._er and not signals.dsr, signals.dsr and not self._er
-        self._er = signals.dsr
-        if self._params.er is ErLine.HIDDEN:
-            return
-        self._sees_er |= signals.dsr
-        if fell and self._may_be_end_of_er:
+        if self._signs.see_rs(signals.cts) and self._state is State.SENDING:
+            self._events.put(Resumed(why="RS is ON again") if signals.cts else Held(why="the control's RS is OFF"))
+        match self._signs.see_er(signals.dsr):
+            case Er.FELL:
+                self._on_er_fell(now)
+            case Er.ROSE if self._state in _SENDING and self._delivery.is_past_beginning(now):
+                self._end(Outcome.FAILED, ER_ROSE, now)
+
+    def _on_er_fell(self, now: Nanos) -> None:
+        """6.4 (1): a reset or an alarm, or what comes behind the last DC3 or DC4."""
+        if self._signs.er_may_end_the_read(self._state, self._delivery):
             self._end(Outcome.COMPLETE, "the control has read the whole program and turned ER OFF", now)
-        elif fell and self._state is State.AFTER_DC4:
+        elif self._state is State.AFTER_DC4:
             self._finish_reception(now)
-        elif fell and self._state in _SENDING:
+        elif self._state in _SENDING or self._state is State.CLOSING:
             self._end(Outcome.FAILED, ER_FELL, now)
-        elif fell and self._state is State.RECEIVING:
+        elif self._state is State.RECEIVING:
             self._timers.start(Timer.ER_FELL, now + HEARD_LATE)
-        elif rose and self._state in _SENDING and self._delivery.is_past_beginning(now):
-            self._end(Outcome.FAILED, "the control's ER came ON in the middle: what asked is not there any more", now)
 
     def receive_closed(self, closure: Closure, reason: str, now: Nanos) -> None:
         """The end of a TCP line counts as ER OFF."""
-        delivered = self._state in (State.DELIVERED, State.CLOSING) and not self._delivery.in_flight
-        if delivered and closure is Closure.ORDERLY:
+        may_end = self._signs.hanging_up_may_end_the_read(self._state, self._delivery)
+        if may_end and closure is Closure.ORDERLY:
             self._end(Outcome.COMPLETE, "the control has read the whole program and closed the line", now)
         elif self._state is State.AFTER_DC4 and closure is Closure.ORDERLY:
             self._finish_reception(now)
@@ -201,7 +198,7 @@ class FanucBHost:
     def data_to_send(self, limit: int) -> bytes:
         if self._state in (State.RECEIVING, State.AFTER_DC4):
             return self._pause.code_due
-        if self._state is State.SENDING and self._rs:
+        if self._state is State.SENDING and self._signs.rs:
             return self._supply.ahead[:limit]
         return b""
 
@@ -290,12 +287,12 @@ class FanucBHost:
         """6.1.1 1) (2), (6)."""
         for timer in (Timer.DAMAGED, Timer.CLOSING, Timer.EARLY_STOP):
             self._timers.stop(timer)
-        self._held_by_damage = self._stopped_at_rest = False
+        self._held_by_damage = False
         match self._state:
             case State.ARMED:
                 self._events.put(Requested())
-                if not self._sees_er:
-                    self._events.put(Notice(text=RISK_BLIND if self._blind else RISK_POWER))
+                if not self._signs.sees_er:
+                    self._events.put(Notice(text=RISK_BLIND if self._signs.blind else RISK_POWER))
                 self._events.put(Started(why="DC1: from the first byte of the program"))
                 self._delivery.start(now)
                 self._begin_sending(now)
@@ -303,7 +300,7 @@ class FanucBHost:
                 self._delivery.start(now)
                 self._events.put(Resumed(why="DC1"))
                 self._begin_sending(now)
-            case State.SENDING if self._delivery.sent and not self._er:
+            case State.SENDING if self._delivery.sent and not self._signs.er:
                 self._end(Outcome.FAILED, f"DC1 while sending: {LOOKS_LIKE_RESET}", now)
             case State.SENDING:
                 self._events.put(Violation(what="DC1 while sending"))
@@ -315,20 +312,20 @@ class FanucBHost:
 
     def _on_dc3(self, now: Nanos) -> None:
         """6.1.1 1) (4), (8). Without posting and without ER this may be a reset (see the module's docstring)."""
-        self._stopped_at_rest = not self._delivery.in_flight
+        if self._held_by_damage:
+            self._state, self._held_by_damage = State.SENDING, False
         if self._state is State.SENDING and not self._supply.ahead:
             self._fill(now)
+        self._signs.hear_dc3(self._delivery, "again" if self._state is State.HELD else "first", now)
         match self._state:
             case State.DELIVERED | State.CLOSING:
                 self._on_closing_dc3(now)
             case State.RECEIVING:
                 self._end(Outcome.FAILED, "the control stopped in the middle of its punch-out (DC3)", now)
-            case State.HELD if self._held_by_damage:
-                self._on_sending_dc3(now)
-            case State.HELD if self._is_whole_though_held(now):
+            case State.HELD if self._supply.is_over and self._signs.dc3_may_be_end:
                 self._state = State.CLOSING
                 self._on_closing_dc3(now)
-            case State.HELD if self._blind:
+            case State.HELD if self._signs.blind:
                 self._end(Outcome.FAILED, f"a second DC3 with no DC1 between: {LOOKS_LIKE_RESET}", now)
             case State.HELD:
                 self._doubt_stop("a second DC3 with no DC1 between", now)
@@ -337,12 +334,11 @@ class FanucBHost:
 
     def _on_sending_dc3(self, now: Nanos) -> None:
         """A stop (6.1.1 1) (4)), or where nothing else tells of one, a reset."""
-        if self._blind and not self._delivery.may_have_filled_the_buffer:
+        if self._signs.blind and not self._delivery.may_have_filled_the_buffer:
             self._end(Outcome.FAILED, f"DC3 before the buffer can have filled: {LOOKS_LIKE_RESET}", now)
             return
         self._state = State.HELD
         self._certain = self._delivery.certain(now)
-        self._held_by_damage = False
         self._timers.stop(Timer.DAMAGED)
         self._events.put(Held(why="DC3"))
         if not self._delivery.may_have_filled_the_buffer:
@@ -353,8 +349,11 @@ class FanucBHost:
         it may not post at all, and a late DC1 would be a start: it must not get the middle.
         """
         self._events.put(Notice(text=what))
-        if not self._sees_er:
-            self._timers.start(Timer.EARLY_STOP, now + round(self._params.early_stop * SECOND))
+        if not self._signs.sees_er or (self._supply.is_over and self._signs.dc3_may_be_reset):
+            self._await_dc1_soon(now)
+
+    def _await_dc1_soon(self, now: Nanos) -> None:
+        self._timers.start(Timer.EARLY_STOP, now + round(self._params.early_stop * SECOND))
 
     def _on_closing_dc3(self, now: Nanos) -> None:
         """The end of the read, unless it can be a stop, or SYN or NAK follows it (6.1.1 1) (7), 6.1.2 (7)).
@@ -364,51 +363,24 @@ class FanucBHost:
         if self._delivery.in_flight:
             self._on_sending_dc3(now)
             return
-        may_be_stop = self._delivery.may_have_filled_the_buffer and not self._delivery.long_silent(now)
-        if self._state is State.DELIVERED and may_be_stop:
-            wait = self._params.closing_time
-        elif self._posts:
-            wait = self._params.notice_time
-        else:
-            self._end(Outcome.COMPLETE, "the control has read the whole program", now)
-            return
+        wait = self._signs.wait_behind_last_dc3(self._state, self._delivery)
         self._state = State.CLOSING
-        self._timers.start(Timer.CLOSING, now + round(wait * SECOND))
-
-    @property
-    def _may_be_end_of_er(self) -> bool:
-        """With posting ER stays ON until power-off (6.1.2), so it may only fall behind the last DC3."""
-        delivered = self._state is State.DELIVERED and not self._posts
-        return (delivered or self._state is State.CLOSING) and not self._delivery.in_flight
-
-    def _is_whole_though_held(self, now: Nanos) -> bool:
-        """6.1.1 1) (7): no DC1 is needed to read EOR. A reset that did not get all may say the same."""
-        whole = self._supply.is_over and not self._delivery.in_flight
-        return whole and (self._posts or self._delivery.has_arrived(now))
-
-    @property
-    def _posts(self) -> bool:
-        return self._params.posting is Switch.ON
-
-    @property
-    def _blind(self) -> bool:
-        """Nothing on this line tells a reset from a stop (6.1.1, 6.4)."""
-        return not (self._posts or self._sees_er)
+        if not self._signs.dc3_may_be_reset:
+            self._certain = self._delivery.certain(self._signs.dc3_at)
+        for timer in (Timer.DAMAGED, Timer.EARLY_STOP):
+            self._timers.stop(timer)
+        if wait:
+            self._timers.start(Timer.CLOSING, now + wait)
+        else:
+            self._end(*TIMED_ENDS[Timer.CLOSING], now)
 
     def _on_notice(self, code: ControlCode, now: Nanos) -> None:
         """SYN is a reset, NAK an alarm (6.1.2, 6.4)."""
-        outcome, what = NOTICES[code]
-        match self._state:
-            case State.IDLE | State.ARMED | State.LISTENING:
-                self._events.put(Notice(text=f"the control {what}"))
-            case State.DELIVERED | State.CLOSING:
-                ends_by_reset = code is ControlCode.SYN and self._params.syn_at_end is SynAtEnd.COMPLETE
-                if ends_by_reset and self._delivery.has_arrived(now):
-                    self._end(Outcome.COMPLETE, RESET_AT_END, now)
-                else:
-                    self._end(outcome, f"sent whole, not executed: the control {what}", now)
-            case _:
-                self._end(outcome, f"the control {what}", now)
+        end = self._signs.end_by_notice(code, self._state, self._delivery, now)
+        if end is None:
+            self._events.put(Notice(text=f"the control {NOTICES[code][1]}"))
+        else:
+            self._end(*end, now)
 
     # reception
 
@@ -433,7 +405,7 @@ class FanucBHost:
 
     def _begin_sending(self, now: Nanos) -> None:
         self._state = State.SENDING
-        if not self._rs:
+        if not self._signs.rs:
             self._events.put(Held(why="the control's RS is OFF"))
         self._fill(now)
 
@@ -470,17 +442,20 @@ class FanucBHost:
             self._timers.start(Timer.SOURCE, now + SOURCE_POLL)
         elif self._supply.is_over and self._state is State.SENDING:
             self._state = State.DELIVERED
-        elif self._supply.is_over and self._state is State.HELD and self._stopped_at_rest:
-            self._state = State.DELIVERED
-            self._on_closing_dc3(now)
+        elif self._supply.is_over and self._state is State.HELD and not self._held_by_damage:
+            if self._signs.dc3_may_be_end:
+                self._state = State.DELIVERED
+                self._on_closing_dc3(now)
+            elif self._signs.dc3_may_be_reset:
+                self._await_dc1_soon(now)
 
     def _end(self, outcome: Outcome, reason: str, now: Nanos) -> None:
         """The job is over. One that is whole waits for its last byte to leave; any other calls back what it can."""
         self._timers.stop_all()
         self._ending = outcome, reason
-        if self._state is not State.HELD or self._held_by_damage:
+        if self._state not in (State.HELD, State.CLOSING) or self._held_by_damage:
             self._certain = self._delivery.certain(now)
-        self._state = State.LEAVING
+        self._state, self._held_by_damage = State.LEAVING, False
         self._pause = Pause(self._params)
         self._recall = outcome is not Outcome.COMPLETE
         self._timers.start(Timer.LEAVING, now + LEAVING)

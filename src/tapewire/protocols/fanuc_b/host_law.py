@@ -14,6 +14,7 @@ from tapewire.protocols.fanuc_b.messages import ControlCode
 __all__ = [
     "DAMAGED_WAIT",
     "ER_FELL",
+    "ER_ROSE",
     "FEED",
     "LAW",
     "LEAVING",
@@ -104,6 +105,8 @@ LAW: Final[dict[tuple[State, ControlCode], frozenset[State]]] = {
 """What each code may do in each state (6.1, 6.4). A pair without a row is a Violation and changes nothing."""
 
 ER_FELL: Final = "the control's ER fell: it was reset, has an alarm, or lost power"
+
+ER_ROSE: Final = "the control's ER came ON in the middle: what asked is not there any more"
 
 RESET_AT_END: Final = "the control has read the whole program and was reset at its end (SYN)"
 

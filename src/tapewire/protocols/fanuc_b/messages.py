@@ -200,8 +200,9 @@ class Params:
     )
     early_stop: float = setting(
         2.0,
-        "With posting on and ER not visible: a DC3 before the buffer can have filled, or a second one, is believed "
-        "to be a stop only if DC1 follows within this time. Otherwise the job fails: the control may not post at all.",
+        "A doubtful DC3 is believed to be a stop only if DC1 follows within this time; otherwise the job fails. "
+        "Doubtful is, with posting on and ER not visible, one before the buffer can have filled or a second one (the "
+        "control may not post at all), and a second one that may be a reset just behind the last byte.",
         end=End.HOST,
         unit="s",
         limits=(0.1, 86400.0),

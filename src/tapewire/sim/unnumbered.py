@@ -1,0 +1,62 @@
+"""What the packets of expansion protocol A do not show: a number comes round every ten, and the end packet has none.
+
+For `undetectable.py`. `n` is that of the packets (5.2); 0 is protocol A, which has none.
+"""
+
+from __future__ import annotations
+
+from tapewire.line.faults.plan import Wire
+from tapewire.protocols.fanuc_a.packets import packet_bytes
+from tapewire.sim.evidence import Attempt, Damage, Evidence, Job
+from tapewire.sim.frames import ends_with_nak
+from tapewire.sim.names import Undetectable
+
+__all__ = ["lost_packets", "went_round"]
+
+
+def lost_packets(evidence: Evidence, n: int, attempt: Attempt, wrong: int) -> str:
+    """Whole packets are missing from byte `wrong` on, and no number shows it: all their characters are gone, or the NAK
+    that asked for them.
+    """
+    if not n:
+        return ""
+    length, program = packet_bytes(n), evidence.expected
+    data, lost = length - 4, _lost(_of_host(evidence, attempt))
+    unheard = any(damage.moment >= attempt.began for damage in evidence.on(Wire.FROM_CONTROL))
+    gap = wrong - wrong % data
+    rest = bytes(attempt.delivered[gap:])
+    resumed = program.find(rest[:64], gap)
+    skipped = (resumed - gap) // data
+    round_trip = resumed > gap and (resumed - gap) % (10 * data) == 0
+    # The first one need not be gone whole: it is asked for by its number, and another bears that by then.
+    if round_trip and (unheard or lost > (skipped - 1) * length):
+        return Undetectable.TEN_PACKETS
+    missing = len(program) - len(attempt.delivered)
+    if program.endswith(rest) and missing % data == 0 and lost // length * data >= missing:
+        return Undetectable.LAST_PACKET
+    return ""
+
+
+def went_round(evidence: Evidence, n: int, attempt: Attempt, job: Job, missing: int) -> bool:
+    """The last NAK was for the packet ten, or twenty, before the one that its host takes it for, and nothing that was
+    sent again came: `missing` bytes count as certain that are not there.
+    """
+    if not n:
+        return False
+    length = packet_bytes(n)
+    packets, rest = divmod(missing, length - 4)
+    whole_rounds = packets > 0 and packets % 10 == 0 and not rest
+    wanted = attempt.got // (length - 4) % 10
+    asked = ends_with_nak(bytes(evidence.cnc.sent[attempt.heard :]), wanted)
+    lost = _lost([damage for damage in _of_host(evidence, attempt) if job.covers(damage.moment)])
+    return whole_rounds and asked and lost > (packets - 1) * length
+
+
+def _of_host(evidence: Evidence, attempt: Attempt) -> list[Damage]:
+    """Since the attempt began."""
+    return [damage for damage in evidence.on(Wire.FROM_HOST) if damage.moment >= attempt.began]
+
+
+def _lost(damages: list[Damage]) -> int:
+    """Characters that did not arrive."""
+    return sum(max(0, len(damage.sent) - len(damage.plain)) for damage in damages)
