@@ -277,7 +277,9 @@ def test_a_record_of_which_nothing_came(before: bytes, record: bytes, lost: int,
     if lost:
         place = len(sent) - lost + 1
         evidence.damages.append(Damage(15 * SECOND, "pulled cable", Wire.FROM_HOST, place, sent[-lost:], ()))
-    wait = Wait(who=("host", "control"), job=job, attempt=attempt, said=b"\x06", heard=b"\x06")
+    evidence.host.sent += b"\x11\x13"
+    told = len(sent)
+    wait = Wait(who=("host", "control"), job=job, attempt=attempt, said=b"\x06", heard=b"\x06", told=told)
     assert bool(excuses.waiting("host", wait)) is excused
 
 

@@ -407,7 +407,7 @@ class Excuses:
 
     def _record_never_came(self, wait: Wait) -> bool:
         """DNC LINK: what did not even begin cannot be refused, and 4.2 sets no time in which it must begin."""
-        attempt, sent = wait.attempt, bytes(self._evidence.host.sent)
+        attempt, sent = wait.attempt, bytes(self._evidence.host.sent[: wait.told])
         if not self._linked or not self._sends or attempt is None:
             return False
         begins = len(sent)

@@ -39,7 +39,7 @@ def lost_packets(evidence: Evidence, n: int, attempt: Attempt, wrong: int) -> st
 
 def went_round(evidence: Evidence, n: int, attempt: Attempt, job: Job, missing: int) -> bool:
     """The last NAK was for the packet ten, or twenty, before the one that its host takes it for, and nothing that was
-    sent again came: `missing` bytes count as certain that are not there.
+    sent again came, or not well, and CAN followed: `missing` bytes count as certain that are not there.
     """
     if not n:
         return False
@@ -47,7 +47,8 @@ def went_round(evidence: Evidence, n: int, attempt: Attempt, job: Job, missing: 
     packets, rest = divmod(missing, length - 4)
     whole_rounds = packets > 0 and packets % 10 == 0 and not rest
     wanted = attempt.got // (length - 4) % 10
-    asked = ends_with_nak(bytes(evidence.cnc.sent[attempt.heard :]), wanted)
+    until = min((other.heard for other in evidence.attempts if other.began > attempt.began), default=None)
+    asked = ends_with_nak(bytes(evidence.cnc.sent[attempt.heard : until]), wanted)
     lost = _lost([damage for damage in _of_host(evidence, attempt) if job.covers(damage.moment)])
     return whole_rounds and asked and lost > (packets - 1) * length
 

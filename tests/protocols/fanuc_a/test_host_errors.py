@@ -350,6 +350,22 @@ def test_4_6_a_program_armed_among_packets_of_none_does_not_wait_for_a_control_t
     assert bench.packets(bench.say(Command.GTD))[0].number == 0x30
 
 
+@pytest.mark.parametrize("after", [1, 60])
+def test_4_6_a_program_armed_while_packets_of_none_are_held_is_asked_for_anew(after: int) -> None:
+    """Nothing was armed when what the control said could not be read, and nothing says that it is still there."""
+    bench = Bench(expansion=True, n="1")
+    bench.power_on()
+    assert bench.say(Command.GTD) == b"", "there is no program"
+    bench.say_raw(b"\x13 ")
+    bench.wait(after)
+    bench.arm()
+    heard = bench.wait(25)
+    assert PROGRAM[:20] not in heard, "nothing says that it asks for this one"
+    assert Message(command=Command.SYN) in bench.messages(heard)
+    bench.power_on()
+    assert bench.packets(bench.say(Command.GTD))[0].number == 0x30
+
+
 SAYINGS = [b"07SYN\r", b"FCRDY\r", b"ECGTD\r", b"06RST\r", b"E7ALM\r", b"3DRTY1\r", b"63SDIA5\r", b"#\r", b"ECG"]
 STATUSES = [b"01000000", b"02000000", b"02000009", b"03000000", b"04000000"]
 SAYINGS += [encode_message(Message(command=Command.SAT, data=data), Coding()) for data in STATUSES]

@@ -152,8 +152,17 @@ def hear(
 ) -> list[Command]:
     """What draws a SAT that has these parameters, or those in force."""
     status = Status(state=state, stored=stored, parameters=says or bench.in_force, cause=cause)
-    said = bench.say(Command.SAT, status.encode()) + bench.wait(0.5)
-    return [message.command for message in bench.messages(said)]
+    return [message.command for message in drawn(bench, status.encode())]
+
+
+def drawn(bench: Bench, data: bytes = Status(state=BufferState.RESET, parameters=SHIFTED).encode()) -> list[Message]:
+    """What a SAT with these data draws."""
+    return bench.messages(bench.say(Command.SAT, data) + bench.wait(0.5))
+
+
+def set_of_all(bench: Bench) -> Message:
+    """The SET that says every parameter."""
+    return Message(command=Command.SET, data=Setting(parameters=bench.params.wanted).encode())
 
 
 class TestSatThatCannotBe:
@@ -194,22 +203,48 @@ class TestSatThatCannotBe:
 
     @pytest.mark.parametrize("most", FEW)
     def test_4_5_a_control_that_always_says_so_makes_the_job_failed(self, most: str) -> None:
-        """Not for ever, and with the value in the reason; SET may mend it for the next job."""
+        """Not for ever, and with the value in the reason; a SET of all may mend it for the next job."""
         bench = Bench(Ne=most)
         bench.delivered()
-        heard = [hear(bench, BufferState.OPERATING, 0) for _ in range(FEW[most] + 1)]
-        assert heard == [[RTY]] * FEW[most] + [[Command.SET]]
+        assert [hear(bench, BufferState.OPERATING, 0) for _ in range(FEW[most])] == [[RTY]] * FEW[most]
+        assert drawn(bench) == [set_of_all(bench)]
         assert bench.ended.outcome is Outcome.FAILED
         assert "delivered whole, not executed: nothing that" in bench.ended.reason
         assert "SAT with Tp = 40960 s: 1 to 99 is possible" in bench.ended.reason
         assert (bench.ended.bytes_low, bench.ended.bytes_high) == (len(PROGRAM), len(PROGRAM))
-        assert hear(bench) == [Command.SET], "and it is asked no more"
+        assert drawn(bench) == [SET], "and it is asked no more"
+
+    def test_4_5_the_next_job_is_served_when_that_set_has_mended_it(self) -> None:
+        bench = Bench()
+        bench.delivered()
+        for _ in range(4):
+            hear(bench, BufferState.OPERATING)
+        assert hear(bench, says=None) == [Command.SET]
+        bench.arm()
+        assert bench.answer(Command.GTD).command is Command.DAT
+
+    def test_4_5_and_where_it_has_not_each_job_has_its_own(self) -> None:
+        """The parameters that were last believed are those wanted, so that nothing looks as if it had to be changed."""
+        bench = Bench()
+        bench.delivered()
+        for _ in range(4):
+            hear(bench, BufferState.OPERATING)
+        for jobs in range(2, 4):
+            bench.arm()
+            assert [hear(bench) for _ in range(3)] == [[RTY]] * 3
+            assert drawn(bench) == [set_of_all(bench)]
+            assert len(bench.all(Ended)) == jobs - 1
+            assert [hear(bench) for _ in range(4)] == [[RTY]] * 3 + [[Command.SET]]
+            assert len(bench.all(Ended)) == jobs
+            assert bench.all(Ended)[-1].reason.startswith("nothing was sent: ")
 
     def test_4_5_what_it_held_before_our_first_set_may_be_mended_by_that(self) -> None:
         bench = Bench()
         bench.arm()
         assert bench.answer(Command.SYN).command is Command.SYN
-        assert [hear(bench) for _ in range(4)] == [[RTY]] * 3 + [[Command.SET]]
+        assert [hear(bench) for _ in range(3)] == [[RTY]] * 3
+        assert drawn(bench) == [set_of_all(bench)]
+        assert hear(bench) == [RTY], "one more may have crossed that SET, or be damage"
         bench.in_force = bench.params.wanted
         assert hear(bench, says=None) == [Command.SET]
         assert bench.answer(Command.GTD).command is Command.DAT
@@ -262,3 +297,16 @@ class TestSatThatCannotBe:
         assert [[message.command for message in each] for each in said] == [[RTY]] * 3 + [[Command.SET]]
         assert (bench.ended.outcome, bench.ended.bytes_low) == (Outcome.FAILED, 0)
         assert "nothing that the control says of its state can be believed: " in bench.ended.reason
+
+    @pytest.mark.parametrize("data", [b"032" + Status().encode()[3:], b"09000000"])
+    def test_4_4_2_what_is_not_documented_does_not_disarm(self, data: bytes) -> None:
+        """A control may know other causes of an alarm, and be reset: no value that it holds stands in the way."""
+        bench = Bench()
+        bench.power_on()
+        bench.arm()
+        for _ in range(20):
+            drawn(bench, data)
+        assert (bench.host.state, bench.all(Ended)) == (State.ARMED, [])
+        bench.answer(Command.RST)
+        assert hear(bench, says=None) == [Command.SET]
+        assert bench.answer(Command.GTD).command is Command.DAT

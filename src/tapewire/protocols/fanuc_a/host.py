@@ -33,7 +33,7 @@ from tapewire.protocols.fanuc_a.messages import (
 )
 from tapewire.protocols.fanuc_a.packets import MonitorPacket, packet_bytes
 from tapewire.protocols.fanuc_a.params import GtdAnswers, RstAtEnd
-from tapewire.protocols.fanuc_a.status import CAUSES, BufferState, Status, disbelief
+from tapewire.protocols.fanuc_a.status import CAUSES, BufferState, Doubt, Status, disbelief
 
 __all__ = ["LAW", "FanucAHost", "State"]
 
@@ -79,6 +79,7 @@ class FanucAHost(HostLine):
             self._outbox.forget_program()
         self._exchange.forget_retries()
         self._doubted = 0
+        self._had_all_again = False
         self._exchange.begin(now)
         self._told -= {"obstacle", "status"}
         if self._streaming.waits_for_job and self._fresh and not self._agreement.obstacle:
@@ -224,6 +225,7 @@ class FanucAHost(HostLine):
             self._disbelieve(doubt, now)
         else:
             status = Status.parse(message.data, base)
+            self._had_all_again = False
             self._hear_parameters(status)
             self._judge(status, now)
         if self._state is State.STREAMING:
@@ -240,14 +242,20 @@ class FanucAHost(HostLine):
             self._told.add("refused")
             self._events.put(Notice(text=f"the control does not take what SET asks for: {self._agreement.differences}"))
 
-    def _disbelieve(self, doubt: str, now: Nanos) -> None:
+    def _disbelieve(self, doubt: Doubt, now: Nanos) -> None:
         """A SAT that no control can say (4.5) proves nothing. One that has come so often is no damage, and no end of a
-        job will ever be believed of this control; only what it held before our first SET may yet be mended by that.
+        job is believed of this control; but a SET of all, said once a job, may mend a value that it holds.
         """
-        self._events.put(Violation(what=doubt))
-        reason = f"nothing that the control says of its state can be believed: {doubt}"
+        self._events.put(Violation(what=doubt.what))
+        reason = f"nothing that the control says of its state can be believed: {doubt.what}"
+        first = self._doubted_enough and not self._had_all_again
+        if first:
+            self._had_all_again = True
+            self._agreement.say_all_again()
         if self._state is State.ARMED and self._doubted_enough:
-            if self._agreement.settled:
+            if first:
+                self._doubted = 0
+            elif doubt.readable:
                 self._end(Outcome.FAILED, f"nothing was sent: {reason}", now)
         elif self._state is not State.STREAMING:
             self._interrupt(Outcome.FAILED, reason, now)

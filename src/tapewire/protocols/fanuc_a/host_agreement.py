@@ -31,7 +31,7 @@ class Agreement:
         self._tries = 0
         self._switching = "0"
         self.settled = False
-        """A SET with data has been sent since the control was last initialised."""
+        """A SET with data has been sent since the control was last initialised, or last said what cannot be."""
         self.refused = False
         """The control keeps other parameters than those it was asked to take."""
 
@@ -41,6 +41,10 @@ class Agreement:
         self._tries = 0
         self._asked = None
         self.refused = False
+
+    def say_all_again(self) -> None:
+        """The next SET says every parameter: what the control has said of them is not believed."""
+        self.settled = False
 
     def hear(self, status: Status) -> None:
         """A SAT says what is in force now."""

@@ -93,6 +93,7 @@ class HostLine(ABC):
         self._told: set[str] = set()
         self._sdi_due = False
         self._doubted = 0
+        self._had_all_again = False
         self._stored_at_end: int | None = None
         self._canned = False
         self._nudged = False
@@ -306,7 +307,7 @@ class HostLine(ABC):
             return ""
         doubt = disbelief(message.data, self._agreement.base)
         self._doubted = self._doubted + 1 if doubt else 0
-        return "" if self._doubted_enough else doubt
+        return doubt.what if doubt and not self._doubted_enough else ""
 
     @property
     def _doubted_enough(self) -> bool:

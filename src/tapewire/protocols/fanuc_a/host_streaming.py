@@ -104,9 +104,12 @@ class Streaming:
 
     @property
     def waits_for_job(self) -> bool:
-        """Nothing but invalid packets has gone out since GTD: a program may still begin."""
+        """Nothing but invalid packets has gone out since GTD: a program may still begin. Not while we are held: nothing
+        says that the control is still there, and a hold has no end.
+        """
         stream = self._stream
-        return stream is not None and stream.job is None and not (stream.problem or stream.stopped or stream.end_begun)
+        over = stream is None or stream.problem or stream.stopped or stream.end_begun
+        return stream is not None and not over and stream.job is None and not stream.held
 
     def begin(self, job: Job | None) -> None:
         """Answer GTD by packets: those of `job`, or invalid ones."""

@@ -21,6 +21,7 @@ __all__ = [
     "USED_LENGTH",
     "AlarmCause",
     "BufferState",
+    "Doubt",
     "Filler",
     "Limit",
     "Parameters",
@@ -252,13 +253,22 @@ class Setting:
         return _encode(self.switching.encode(), None, self.parameters, length, filler)
 
 
-def disbelief(data: bytes, base: Parameters) -> str:
-    """Why nothing of these data of SAT is believed; empty when they are."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Doubt:
+    """Why nothing of a SAT is believed."""
+
+    what: str
+    readable: bool
+    """It says a value that no control can work with. Otherwise it says what the manual does not."""
+
+
+def disbelief(data: bytes, base: Parameters) -> Doubt | None:
+    """Of these data of SAT; None when they are believed."""
     try:
         impossible = Status.parse(data, base).parameters.out_of_range()
     except DataError as error:
-        return str(error)
-    return f"SAT with {impossible}" if impossible else ""
+        return Doubt(what=str(error), readable=False)
+    return Doubt(what=f"SAT with {impossible}", readable=True) if impossible else None
 
 
 CAUSES: Final = {
