@@ -38,7 +38,6 @@ class Delivery:
     def __init__(self, stale: int = 0) -> None:
         self._stale = stale
         self._left_at: Nanos = 0
-        self._busy_since: Nanos = 0
         self._log: deque[tuple[Nanos, int]] = deque()
         self._step: Nanos = 0
         self._pace: Nanos = 0
@@ -53,9 +52,7 @@ class Delivery:
         """Everything in flight: `stale` for the job that follows."""
         return self.in_flight + self._stale
 
-    def hand_over(self, count: int, now: Nanos) -> None:
-        if not self.on_the_way:
-            self._busy_since = now
+    def hand_over(self, count: int) -> None:
         self.sent += count
         self.in_flight += count
 
@@ -65,9 +62,8 @@ class Delivery:
         self.in_flight -= count - stale
         if not self.in_flight:
             self._left_at = now
-        since = max(self._log[-1][0], self._busy_since) if self._log else now
-        if count and now > since:
-            step = min(SLOWEST, (now - since) // count)
+        if self._log and count and now > self._log[-1][0]:
+            step = min(SLOWEST, (now - self._log[-1][0]) // count)
             self._step = min(self._step or step, step)
         self._measure(now, self.sent - self.in_flight)
         self._log.append((now, self.sent - self.in_flight))

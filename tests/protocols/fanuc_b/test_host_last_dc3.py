@@ -53,8 +53,7 @@ def held_with_its_last_bytes(*, posting: str, er: str, rest: int = 0, late: bool
     if er == "shown":
         rig.see()
     rig.hear(DC1)
-    rig.take(8000)
-    rig.wait(SECOND)
+    rig.take_in_two_seconds(8000)
     rig.hand_over(10)
     rig.hear(DC3)
     rig.leave()
@@ -227,8 +226,7 @@ def test_the_source_may_end_while_a_damaged_character_holds_the_host() -> None:
 def test_what_left_just_before_the_last_dc3_is_not_certain_when_the_job_is_given_up_behind_it(how: str) -> None:
     rig = Rig(PROGRAM[:8000], posting="off")
     rig.hear(DC1)
-    rig.take(7990)
-    rig.wait(SECOND)
+    rig.take_in_two_seconds(7990)
     rig.take(10)
     rig.hear(DC3)
     rig.wait(3 * SECOND)
@@ -247,8 +245,7 @@ def stopped_right_behind_its_last_bytes(*, posting: str, er: str) -> Rig:
     if er == "shown":
         rig.see()
     rig.hear(DC1)
-    rig.take(8000)
-    rig.wait(SECOND)
+    rig.take_in_two_seconds(8000)
     rig.take(10)
     rig.wait(MILLISECOND)
     rig.hear(DC3)
@@ -327,17 +324,16 @@ def test_a_further_dc3_takes_no_doubt_away(held: str, more: int) -> None:
     assert rig.end.bytes_low <= 8000
 
 
-@pytest.mark.parametrize("size", [100, 8010])
+@pytest.mark.parametrize("size", [4000, 8010])
 @pytest.mark.parametrize("after", [90, 101, 300])
 @pytest.mark.parametrize(("dc3_after", "outcome"), [(1, Outcome.CANCELLED), (150, Outcome.COMPLETE)])
 def test_a_syn_proves_no_more_than_the_dc3_before_it(size: int, after: int, dc3_after: int, outcome: Outcome) -> None:
     rig = Rig(PROGRAM[:size], syn_at_end="complete")
     rig.see()
     rig.hear(DC1)
-    rig.take(size - 10)
-    rig.wait(SECOND)
+    rig.take_in_two_seconds(size - 10)
     rig.hand_over(10)
-    if size > 100:
+    if size > 4000:
         rig.hear(DC3)
     rig.leave()
     rig.wait(dc3_after * MILLISECOND)
@@ -360,8 +356,7 @@ def test_a_dc3_behind_a_damaged_character_that_may_have_been_a_stop_is_no_end(
     if er == "shown":
         rig.see()
     rig.hear(DC1)
-    rig.take(8000)
-    rig.wait(SECOND)
+    rig.take_in_two_seconds(8000)
     rig.hand_over(10)
     rig.host.receive_line_fault(LineFault.PARITY, 0x11, rig.now)
     rig.leave()

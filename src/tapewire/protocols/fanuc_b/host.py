@@ -204,7 +204,7 @@ class FanucBHost:
         return b""
 
     def data_sent(self, count: int, now: Nanos) -> None:
-        self._delivery.hand_over(count, now)
+        self._delivery.hand_over(count)
         if self._state in (State.RECEIVING, State.AFTER_DC4):
             self._pause.told = self._pause.wanted
             self._listen_for_notice(now)
