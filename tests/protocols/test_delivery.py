@@ -16,7 +16,7 @@ def test_6_3_on_the_slowest_lines_what_left_within_ten_characters_is_not_certain
     """10.2: 5083 goes down to 50 baud. What the control says crosses the line at that pace too."""
     delivery, each = Delivery(), character_time(baud)
     for count in range(1, 31):
-        delivery.hand_over(1)
+        delivery.hand_over(1, (count - 1) * each)
         delivery.leave(1, count * each)
     assert delivery.certain(30 * each) == 30 - HEARD_LATE_CHARACTERS
 
@@ -26,16 +26,25 @@ def test_a_pause_is_not_the_pace_of_a_line() -> None:
     delivery, each = Delivery(), character_time(300)
     moments = [each, *(100 * each + count * each for count in range(20))]
     for now in moments:
-        delivery.hand_over(1)
+        delivery.hand_over(1, 0)
         delivery.leave(1, now)
     assert delivery.certain(moments[-1]) == len(moments) - HEARD_LATE_CHARACTERS
+
+
+def test_what_the_line_had_nothing_to_carry_for_is_not_its_pace_either() -> None:
+    """Else ten characters behind one pause would count as on their way for 14 tenths of a second."""
+    delivery = Delivery()
+    for now in (0, SECOND):
+        delivery.hand_over(10, now)
+        delivery.leave(10, now + 10 * MILLISECOND)
+    assert delivery.certain(SECOND + 10 * MILLISECOND + HEARD_LATE) == 20
 
 
 def test_a_computer_that_is_late_makes_no_line_faster() -> None:
     """At 1200 baud every eighth character is told of right behind the one before it."""
     delivery, each = Delivery(), character_time(1200)
     for count in range(1, 65):
-        delivery.hand_over(1)
+        delivery.hand_over(1, (count - 1) * each)
         delivery.leave(1, count * each - (each // 2 if count % 8 == 0 else 0))
     assert 64 - HEARD_LATE_CHARACTERS - 1 <= delivery.certain(64 * each) <= 64 - HEARD_LATE_CHARACTERS
 
@@ -51,7 +60,7 @@ def test_nothing_counts_as_there_that_left_less_than_a_tenth_of_a_second_before(
     delivery, each, now = Delivery(), character_time(baud), 0
     left: list[int] = []
     for count, pause_ms in chunks:
-        delivery.hand_over(count)
+        delivery.hand_over(count, now)
         now += pause_ms * MILLISECOND
         for _ in range(count):
             now += each

@@ -26,10 +26,10 @@ SLOWEST: Final[Nanos] = 220 * MILLISECOND
 
 
 PACED_CHARACTERS: Final = 8
-"""Over so many the pace of a line is taken,"""
+"""The pace of a line is taken over so many characters at least."""
 
 MOST_BEHIND: Final = 4
-"""and so many times the shortest time between two is the most it can be."""
+"""The pace of a line is at most so many times the shortest time between two characters."""
 
 
 class Delivery:
@@ -38,6 +38,7 @@ class Delivery:
     def __init__(self, stale: int = 0) -> None:
         self._stale = stale
         self._left_at: Nanos = 0
+        self._busy_since: Nanos = 0
         self._log: deque[tuple[Nanos, int]] = deque()
         self._step: Nanos = 0
         self._pace: Nanos = 0
@@ -52,7 +53,9 @@ class Delivery:
         """Everything in flight: `stale` for the job that follows."""
         return self.in_flight + self._stale
 
-    def hand_over(self, count: int) -> None:
+    def hand_over(self, count: int, now: Nanos) -> None:
+        if not self.on_the_way:
+            self._busy_since = now
         self.sent += count
         self.in_flight += count
 
@@ -62,8 +65,9 @@ class Delivery:
         self.in_flight -= count - stale
         if not self.in_flight:
             self._left_at = now
-        if self._log and count and now > self._log[-1][0]:
-            step = min(SLOWEST, (now - self._log[-1][0]) // count)
+        since = max(self._log[-1][0], self._busy_since) if self._log else now
+        if count and now > since:
+            step = min(SLOWEST, (now - since) // count)
             self._step = min(self._step or step, step)
         self._measure(now, self.sent - self.in_flight)
         self._log.append((now, self.sent - self.in_flight))

@@ -239,3 +239,136 @@ def test_what_left_just_before_the_last_dc3_is_not_certain_when_the_job_is_given
     rig.wait(0)
     assert rig.end is not None
     assert (rig.end.bytes_low, rig.end.bytes_high) == (7990, 8000)
+
+
+def stopped_right_behind_its_last_bytes(*, posting: str, er: str) -> Rig:
+    """The stop met nothing on its way: the last ten bytes had left 1 ms before."""
+    rig = Rig(PROGRAM[:8010], posting=posting)
+    if er == "shown":
+        rig.see()
+    rig.hear(DC1)
+    rig.take(8000)
+    rig.wait(SECOND)
+    rig.take(10)
+    rig.wait(MILLISECOND)
+    rig.hear(DC3)
+    return rig
+
+
+@pytest.mark.parametrize(("posting", "er"), [("off", "shown"), ("on", "not shown"), ("off", "not shown")])
+@pytest.mark.parametrize("more", [1, 2])
+def test_a_second_dc3_behind_a_stop_that_met_nothing_is_no_end_either(posting: str, er: str, more: int) -> None:
+    rig = stopped_right_behind_its_last_bytes(posting=posting, er=er)
+    for _ in range(more):
+        rig.wait(MILLISECOND)
+        rig.hear(DC3)
+    rig.wait(5 * SECOND)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+    assert rig.end.bytes_low <= 8000
+
+
+@pytest.mark.parametrize(("posting", "er"), [("off", "shown"), ("on", "not shown")])
+def test_the_job_goes_on_where_a_dc1_follows_the_doubtful_dc3(posting: str, er: str) -> None:
+    rig = stopped_right_behind_its_last_bytes(posting=posting, er=er)
+    rig.hear(DC3)
+    rig.wait(SECOND)
+    rig.hear(DC1)
+    rig.wait(60 * SECOND)
+    assert rig.end is None
+    rig.hear(DC3)
+    rig.wait(SECOND)
+    assert rig.end is not None
+    assert (rig.end.outcome, rig.end.bytes_low) == (Outcome.COMPLETE, 8010)
+
+
+@pytest.mark.parametrize("posting", ["on", "off"])
+@pytest.mark.parametrize("er", ["shown", "not shown"])
+@pytest.mark.parametrize("after", [100 * MILLISECOND, SECOND, 4 * SECOND])
+def test_6_1_1_7_the_end_behind_a_stop_that_met_nothing_is_the_end(posting: str, er: str, after: int) -> None:
+    """The buffer filled with the last bytes, and the control has read EOR out of it."""
+    rig = stopped_right_behind_its_last_bytes(posting=posting, er=er)
+    rig.wait(after)
+    rig.hear(DC3)
+    rig.wait(SECOND)
+    assert rig.end is not None
+    assert (rig.end.outcome, rig.end.bytes_low) == (Outcome.COMPLETE, 8010)
+
+
+@pytest.mark.parametrize("er", ["shown", "not shown"])
+def test_a_doubled_last_dc3_of_a_program_that_filled_nothing_is_the_end(er: str) -> None:
+    """The first of them cannot have been a stop."""
+    rig = Rig(PROGRAM[:100])
+    if er == "shown":
+        rig.see()
+    rig.hear(DC1)
+    rig.take(100)
+    rig.hear(DC3 + DC3)
+    rig.wait(SECOND)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.COMPLETE
+
+
+@pytest.mark.parametrize("held", ["in flight", "nothing in flight"])
+@pytest.mark.parametrize("more", [1, 2, 3])
+def test_a_further_dc3_takes_no_doubt_away(held: str, more: int) -> None:
+    """ER falls behind it: it was a reset of 6.4 (1), posting or not."""
+    if held == "in flight":
+        rig = held_with_its_last_bytes(posting="on", er="shown")
+    else:
+        rig = stopped_right_behind_its_last_bytes(posting="on", er="shown")
+    for _ in range(more):
+        rig.wait(MILLISECOND)
+        rig.hear(DC3)
+    rig.wait(5 * MILLISECOND)
+    rig.see(dsr=False)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+    assert rig.end.bytes_low <= 8000
+
+
+@pytest.mark.parametrize("size", [100, 8010])
+@pytest.mark.parametrize("after", [90, 101, 300])
+@pytest.mark.parametrize(("dc3_after", "outcome"), [(1, Outcome.CANCELLED), (150, Outcome.COMPLETE)])
+def test_a_syn_proves_no_more_than_the_dc3_before_it(size: int, after: int, dc3_after: int, outcome: Outcome) -> None:
+    rig = Rig(PROGRAM[:size], syn_at_end="complete")
+    rig.see()
+    rig.hear(DC1)
+    rig.take(size - 10)
+    rig.wait(SECOND)
+    rig.hand_over(10)
+    if size > 100:
+        rig.hear(DC3)
+    rig.leave()
+    rig.wait(dc3_after * MILLISECOND)
+    rig.hear(DC3)
+    rig.wait(after * MILLISECOND)
+    rig.hear(SYN)
+    assert rig.end is not None
+    assert rig.end.outcome is outcome
+
+
+@pytest.mark.parametrize("late", [False, True])
+@pytest.mark.parametrize(("posting", "er"), [("off", "shown"), ("on", "not shown"), ("off", "not shown")])
+@pytest.mark.parametrize("codes", [DC3, DC3 + DC3])
+def test_a_dc3_behind_a_damaged_character_that_may_have_been_a_stop_is_no_end(
+    late: bool, posting: str, er: str, codes: bytes
+) -> None:
+    rig = Rig(b"" if late else PROGRAM[:8010], posting=posting)
+    if late:
+        rig.host.start(_EndsLate(PROGRAM[:8010], 3), 0)
+    if er == "shown":
+        rig.see()
+    rig.hear(DC1)
+    rig.take(8000)
+    rig.wait(SECOND)
+    rig.hand_over(10)
+    rig.host.receive_line_fault(LineFault.PARITY, 0x11, rig.now)
+    rig.leave()
+    rig.wait(MILLISECOND)
+    rig.hear(codes)
+    for _ in range(6):
+        rig.wait(SECOND)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+    assert rig.end.bytes_low <= 8000

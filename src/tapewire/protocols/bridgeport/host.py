@@ -159,7 +159,7 @@ class BridgeportHost(Job):
         return self._transmission.look(limit)
 
     def data_sent(self, count: int, now: Nanos) -> None:
-        self._delivery.hand_over(count)
+        self._delivery.hand_over(count, now)
         if self._replies:
             del self._replies[:count]
         elif self._state is State.RECEIVING:

@@ -15,7 +15,7 @@ and NAK. Where nothing tells them apart, the host stops and says so; it never go
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, Literal
 
 from tapewire.engine import (
     ALL_ON,
@@ -147,6 +147,7 @@ class FanucBHost:
     def receive_line_fault(self, fault: LineFault, byte: int | None, now: Nanos) -> None:
         """Never obeyed as DC1. While we send, the control says nothing that does not begin with DC3: so it stops us."""
         self._events.put(Violation(what=f"{fault} in what the control sent"))
+        self._signs.was_damaged = True
         match self._state:
             case State.SENDING:
                 self._state, self._held_by_damage = State.HELD, True
@@ -203,7 +204,7 @@ class FanucBHost:
         return b""
 
     def data_sent(self, count: int, now: Nanos) -> None:
-        self._delivery.hand_over(count)
+        self._delivery.hand_over(count, now)
         if self._state in (State.RECEIVING, State.AFTER_DC4):
             self._pause.told = self._pause.wanted
             self._listen_for_notice(now)
@@ -287,7 +288,7 @@ class FanucBHost:
         """6.1.1 1) (2), (6)."""
         for timer in (Timer.DAMAGED, Timer.CLOSING, Timer.EARLY_STOP):
             self._timers.stop(timer)
-        self._held_by_damage = False
+        self._held_by_damage = self._signs.was_damaged = False
         match self._state:
             case State.ARMED:
                 self._events.put(Requested())
@@ -312,11 +313,14 @@ class FanucBHost:
 
     def _on_dc3(self, now: Nanos) -> None:
         """6.1.1 1) (4), (8). Without posting and without ER this may be a reset (see the module's docstring)."""
+        which: Literal["first", "again"] = (
+            "again" if self._signs.follows_a_stop(self._state, self._delivery) else "first"
+        )
         if self._held_by_damage:
             self._state, self._held_by_damage = State.SENDING, False
         if self._state is State.SENDING and not self._supply.ahead:
             self._fill(now)
-        self._signs.hear_dc3(self._delivery, "again" if self._state is State.HELD else "first", now)
+        self._signs.hear_dc3(self._delivery, which, now)
         match self._state:
             case State.DELIVERED | State.CLOSING:
                 self._on_closing_dc3(now)
@@ -325,10 +329,8 @@ class FanucBHost:
             case State.HELD if self._supply.is_over and self._signs.dc3_may_be_end:
                 self._state = State.CLOSING
                 self._on_closing_dc3(now)
-            case State.HELD if self._signs.blind:
-                self._end(Outcome.FAILED, f"a second DC3 with no DC1 between: {LOOKS_LIKE_RESET}", now)
             case State.HELD:
-                self._doubt_stop("a second DC3 with no DC1 between", now)
+                self._on_second_dc3(now)
             case _:
                 self._on_sending_dc3(now)
 
@@ -343,6 +345,18 @@ class FanucBHost:
         self._events.put(Held(why="DC3"))
         if not self._delivery.may_have_filled_the_buffer:
             self._doubt_stop("DC3 before the buffer can have filled", now)
+
+    def _on_second_dc3(self, now: Nanos) -> None:
+        """No stop, and no proof of the end: a reset may have thrown away what left just before, or overtaken it."""
+        if self._signs.blind:
+            self._end(Outcome.FAILED, f"a second DC3 with no DC1 between: {LOOKS_LIKE_RESET}", now)
+            return
+        if self._state is State.DELIVERED:
+            self._certain = self._delivery.certain(now)
+        self._state = State.HELD
+        for timer in (Timer.DAMAGED, Timer.CLOSING):
+            self._timers.stop(timer)
+        self._doubt_stop("a second DC3 with no DC1 between", now)
 
     def _doubt_stop(self, what: str, now: Nanos) -> None:
         """A control that posts says SYN or NAK after a DC3 that is no stop. If nothing says so and ER cannot be seen,
@@ -362,6 +376,9 @@ class FanucBHost:
         """
         if self._delivery.in_flight:
             self._on_sending_dc3(now)
+            return
+        if not self._signs.dc3_may_be_end:
+            self._on_second_dc3(now)
             return
         wait = self._signs.wait_behind_last_dc3(self._state, self._delivery)
         self._state = State.CLOSING

@@ -91,7 +91,7 @@ LAW: Final[dict[tuple[State, ControlCode], frozenset[State]]] = {
     (State.HELD, _DC3): frozenset({State.HELD, State.CLOSING}) | _ENDING,
     (State.DELIVERED, _DC3): frozenset({State.CLOSING, State.HELD}) | _ENDING,
     (State.CLOSING, _DC1): frozenset({State.DELIVERED}),
-    (State.CLOSING, _DC3): frozenset({State.CLOSING}) | _ENDING,
+    (State.CLOSING, _DC3): frozenset({State.CLOSING, State.HELD}) | _ENDING,
     (State.LISTENING, _DC2): frozenset({State.RECEIVING}),
     (State.RECEIVING, _DC3): _ENDING,
     (State.RECEIVING, _DC4): frozenset({State.AFTER_DC4}),

@@ -42,6 +42,8 @@ class Signs:
         """Nothing was on its way then, and a reset would be told."""
         self.dc3_may_be_reset = False
         """The last DC3 follows another with no DC1 between, and what left just before it may not have come."""
+        self.was_damaged = False
+        """A damaged character came, and no DC1 since: it may have been a stop."""
 
     @property
     def blind(self) -> bool:
@@ -61,8 +63,13 @@ class Signs:
         self.sees_er |= er
         return Er.ROSE if er else Er.FELL
 
+    def follows_a_stop(self, state: State, delivery: Delivery) -> bool:
+        """A DC3 heard now comes behind a stop, or what may have been one."""
+        closing_was_stop = delivery.may_have_filled_the_buffer or self.dc3_may_be_reset
+        return self.was_damaged or state is State.HELD or (state is State.CLOSING and closing_was_stop)
+
     def hear_dc3(self, delivery: Delivery, which: Literal["first", "again"], now: Nanos) -> None:
-        """`again`: no DC1 since the one before.
+        """`again`: it follows a stop, with no DC1 between.
 
         Of two the first was the stop, so the second is the end, or a reset that what was on its way did not reach. SYN
         tells a reset where the control posts, and ER where it does not after all: one of them alone is not enough.
@@ -103,7 +110,9 @@ class Signs:
                 return None
             case State.DELIVERED | State.CLOSING:
                 ends_by_reset = code is ControlCode.SYN and self._params.syn_at_end is SynAtEnd.COMPLETE
-                if ends_by_reset and delivery.has_arrived(now):
+                said_at = self.dc3_at if state is State.CLOSING else now
+                in_doubt = state is State.CLOSING and self.dc3_may_be_reset
+                if ends_by_reset and not in_doubt and delivery.has_arrived(said_at):
                     return Outcome.COMPLETE, RESET_AT_END
                 return outcome, f"sent whole, not executed: the control {what}"
             case _:
