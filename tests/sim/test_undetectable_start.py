@@ -104,7 +104,7 @@ def test_damage_behind_the_beginning_hides_no_wrong_place(since: int, excused: b
 def test_the_evidence_counts_what_the_host_had_sent() -> None:
     evidence = Evidence(program=PROGRAM, expected=PROGRAM)
     evidence.host.sent += PROGRAM[:7]
-    evidence.note_fault(Injected(SECOND, Wire.FROM_CONTROL, "noise", 0, b"", (b"\x11",)))
+    evidence.note_fault(Injected(SECOND, "noise", Wire.FROM_CONTROL, 0, b"", (b"\x11",)))
     assert evidence.damages[0].told == 7
 
 
