@@ -12,7 +12,6 @@ from tests.sim.mutants import MUTANTS, Mutant
 SLOW = {
     "B: resume repeats a byte",
     "B: giving up ends the tape",
-    "B: a failed job stays armed",
     "A: RST answered, and the job goes on",
     "expansion A: end packet not repeated",
     "expansion A: DC3 ignored",
@@ -31,6 +30,5 @@ def test_the_list_is_long_enough_and_names_differ() -> None:
 
 @pytest.mark.parametrize("mutant", QUICK, ids=lambda mutant: mutant.name)
 def test_a_deliberate_bug_is_noticed(mutant: Mutant) -> None:
-    count, rule = transfers_needed(mutant, most=40)
+    count, _ = transfers_needed(mutant, most=40)
     assert count, f"{mutant.name} was not noticed"
-    assert rule

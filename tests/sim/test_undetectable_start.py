@@ -7,6 +7,7 @@ import dataclasses
 import pytest
 
 from tapewire.engine import SECOND, Outcome
+from tapewire.line.faults.log import Injected
 from tapewire.line.faults.plan import Wire
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
 from tapewire.sim.names import Undetectable
@@ -77,6 +78,34 @@ def test_a_job_that_failed_and_stayed_armed_is_no_dc1_of_nobody() -> None:
     evidence, excuses = obeyed(20, b"\x11", got)
     evidence.control_ends.append((25 * SECOND, Outcome.CANCELLED))
     assert excuses.content(evidence.attempts[0], 0, got) == ""
+
+
+@pytest.mark.parametrize(("told", "excused"), [(0, True), (1, False), (GONE, False)])
+def test_nor_is_one_that_came_when_something_of_the_job_had_gone(told: int, excused: bool) -> None:
+    """An earlier reading of the same job had drawn that, and a control that was reset may have ended it."""
+    got = PROGRAM[GONE:]
+    evidence, excuses = obeyed(20, b"\x11", got)
+    evidence.damages[:] = [dataclasses.replace(evidence.damages[0], told=told)]
+    assert (excuses.content(evidence.attempts[0], 0, got) == Undetectable.CODE) is excused
+
+
+@pytest.mark.parametrize(("since", "excused"), [(GONE, True), (GONE - 18, True), (GONE - 19, False), (8, False)])
+def test_damage_behind_the_beginning_hides_no_wrong_place(since: int, excused: bool) -> None:
+    """What came before it shows where the control began."""
+    got = bytearray(PROGRAM[since:])
+    got[GONE + 100 - since] ^= 1
+    evidence, excuses = obeyed(20, b"\x11", bytes(got))
+    hit = GONE + 100
+    flip = Damage(40 * SECOND, "noise", Wire.FROM_HOST, hit + 1, PROGRAM[hit : hit + 1], (bytes((PROGRAM[hit] ^ 1,)),))
+    evidence.damages.append(flip)
+    assert (excuses.content(evidence.attempts[0], 0, bytes(got)) == Undetectable.CODE) is excused
+
+
+def test_the_evidence_counts_what_the_host_had_sent() -> None:
+    evidence = Evidence(program=PROGRAM, expected=PROGRAM)
+    evidence.host.sent += PROGRAM[:7]
+    evidence.note_fault(Injected(SECOND, "noise", Wire.FROM_CONTROL, 0, b"", (b"\x11",)))
+    assert evidence.damages[0].told == 7
 
 
 def test_what_the_control_did_not_get_it_does_not_hand_on() -> None:

@@ -38,6 +38,8 @@ class Damage:
     arrived: tuple[bytes | Fault, ...]
     late: Nanos = 0
     """So much later than it would have been it arrives, and what is behind it."""
+    told: int = 0
+    """Characters that the host had handed over then."""
 
     @property
     def plain(self) -> bytes:
@@ -236,7 +238,7 @@ class Evidence:
         self.last_disturbance = max(self.last_disturbance, entry.moment)
         if len(self.damages) < MOST_DAMAGES:
             what = entry.sent, entry.arrived, entry.late
-            self.damages.append(Damage(entry.moment, entry.kind, entry.wire, entry.place, *what))
+            self.damages.append(Damage(entry.moment, entry.kind, entry.wire, entry.place, *what, len(self.host.sent)))
 
     def note_act(self, what: str, now: Nanos) -> None:
         self.acts.append((now, what))

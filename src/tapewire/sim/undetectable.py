@@ -156,21 +156,24 @@ class Excuses:
         if self._beside_the_program(attempt):
             return Undetectable.READ_AS_TEXT
         damage = self._program_damage(attempt, wrong)
-        if self._is_b and self._began_too_early(attempt, got, damage):
+        if self._is_b and self._began_too_early(attempt, got):
             return Undetectable.CODE
         faithful = not self._sends or self._host_is_faithful(attempt, wrong)
         if damage is None or not faithful or not self._receiver_is_faithful(attempt, got):
             return ""
         return damage.name
 
-    def _began_too_early(self, attempt: Attempt, got: bytes, damage: Damage | None) -> bool:
-        """`damage` is what made other characters of the program on the way, where something did."""
+    def _began_too_early(self, attempt: Attempt, got: bytes) -> bool:
+        """Where something made other characters of the program on the way, what came before it shows where the control
+        began.
+        """
         since = forged_start(self._scenario, self._evidence, attempt, self._unseen(Wire.FROM_CONTROL))
         if since is None or not self._receiver_is_faithful(attempt, got):
             return False
         begun_at = range(max(0, since - self._on_the_way), since + 1)
-        begins = any(self._evidence.program.startswith(got, at) for at in begun_at)
-        return bool(got) and (begins or damage is not None)
+        damage = self._program_damage(attempt, len(self._evidence.program))
+        clean = len(got) if damage is None else max(0, damage.place - 1 - attempt.place)
+        return bool(got) and any(self._evidence.program.startswith(got[:clean], at) for at in begun_at)
 
     @property
     def _on_the_way(self) -> int:

@@ -69,16 +69,18 @@ def heard_late(scenario: Scenario, evidence: Evidence, job: Job, missing: int, e
 
 def forged_start(scenario: Scenario, evidence: Evidence, attempt: Attempt, unseen: Sequence[Damage]) -> int | None:
     """The host obeyed a DC1 that nobody had said, and so many characters of its program had gone when the control began
-    to read at its own; None: it is not so. `unseen` is damage of what the control says.
+    to read at its own; None: it is not so. What had gone before that DC1 it does not explain: another reading drew it,
+    and the job had to end with that. `unseen` is damage of what the control says.
     """
     jobs = [job for job in evidence.jobs if job.began <= attempt.began and job.covers(attempt.began)]
     if not jobs or scenario.direction is not Direction.SEND:
         return None
     job = jobs[-1]
-    forged = [hit.moment for hit in unseen if _DC1 in hit.plain and _DC1 not in hit.sent]
+    forged = [hit for hit in unseen if _DC1 in hit.plain and _DC1 not in hit.sent and hit.told <= job.place]
     ends = [at for at, _ in evidence.control_ends]
     obeyed = any(
-        job.began <= hit <= attempt.began and not any(hit <= end <= attempt.began for end in ends) for hit in forged
+        job.began <= hit.moment <= attempt.began and not any(hit.moment <= end <= attempt.began for end in ends)
+        for hit in forged
     )
     gone = bytes(evidence.host.sent[job.place : attempt.place])
     later = [other.place for other in evidence.attempts if other.began > attempt.began]
