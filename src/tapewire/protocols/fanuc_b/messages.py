@@ -201,8 +201,8 @@ class Params:
     early_stop: float = setting(
         2.0,
         "A doubtful DC3 is believed to be a stop only if DC1 follows within this time; otherwise the job fails. "
-        "A second DC3 that may be a reset just behind the last byte is doubtful. With posting on and ER not visible so is "
-        "every second DC3, and one before the buffer can have filled: the control may not post at all.",
+        "A second DC3 that may be a reset just behind the last byte is doubtful. With posting on and ER not visible so "
+        "is every second DC3, and one before the buffer can have filled: the control may not post at all.",
         end=End.HOST,
         unit="s",
         limits=(0.1, 86400.0),
