@@ -461,6 +461,18 @@ def test_5_3_1_can_is_said_once() -> None:
     assert bench.next() is C.RST
 
 
+@pytest.mark.parametrize(("behind", "again"), [(1, b""), (2, CAN)])
+def test_5_3_1_reset_says_a_can_again_that_was_not_heard(behind: int, again: bytes) -> None:
+    """The packet under way is finished; a second one behind CAN shows that its host did not hear it."""
+    bench = packets().receive(good(0)).alarm()
+    assert bench.monitors() == CAN
+    for index in range(behind):
+        bench.receive(good(index + 1))
+    assert bench.reset().monitors() == again
+    bench.receive(last(b""))
+    assert bench.next() is C.RST
+
+
 def test_a_can_that_was_lost_is_said_again() -> None:
     bench = packets(AGAIN).reset()
     assert bench.monitors() == CAN

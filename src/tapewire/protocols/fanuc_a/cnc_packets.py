@@ -207,8 +207,13 @@ class PacketSession:
     # 5.3 1): stop
 
     def stop(self) -> None:
-        """RESET or an alarm."""
+        """RESET or an alarm. The packet under way is finished (5.3 1)), so a second one that comes behind CAN shows that
+        it was not heard: a RESET then says it again.
+        """
         if self.stopping:
+            if self._stale > 1:
+                self._stale = 0
+                self._want(Monitor.CAN)
             return
         self.stopping = True
         self._stale = 0
