@@ -207,8 +207,8 @@ class PacketSession:
     # 5.3 1): stop
 
     def stop(self) -> None:
-        """RESET or an alarm. The packet under way is finished (5.3 1)), so a second one that comes behind CAN shows that
-        it was not heard: a RESET then says it again.
+        """RESET or an alarm. The packet under way is finished (5.3 1)), so a second one that comes behind CAN shows
+        that it was not heard: a RESET then says it again.
         """
         if self.stopping:
             if self._stale > 1:

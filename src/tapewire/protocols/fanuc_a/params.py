@@ -329,8 +329,8 @@ class Params:
     naks: Naks = setting(Naks.ERROR, "One NAK for an error, or one for each packet that follows it.", end=_CONTROL)
     monitors_again: Switch = setting(
         Switch.OFF,
-        "NAK and CAN are said again when more than four packets have come that do not obey them: not stated. RESET says "
-        "a CAN again in any case, when more has come behind it than the packet under way.",
+        "NAK and CAN are said again when more than four packets have come that do not obey them: not stated. RESET "
+        "says a CAN again in any case, when more has come behind it than the packet under way.",
         end=_CONTROL,
     )
     among_packets: AmongPackets = setting(
