@@ -386,3 +386,23 @@ def test_a_control_does_not_say_of_itself_what_came_to_it() -> None:
     trial._busy = True
     trial._cnc_event(Ended(outcome=Outcome.FAILED, reason="test", bytes_low=0, bytes_high=5000), 0)
     assert trial.evidence.attempts[0].got == 5
+
+
+@pytest.mark.parametrize(
+    ("came", "mode", "ended", "outcome", "excused"),
+    [
+        (b"\x04", "L", 15, Outcome.COMPLETE, True),
+        (b"\x05", "L", 15, Outcome.COMPLETE, False),
+        (b"\x04", "D", 15, Outcome.COMPLETE, False),
+        (b"\x04", "L", 16, Outcome.COMPLETE, False),
+        (b"\x04", "L", 15, Outcome.FAILED, False),
+    ],
+)
+def test_an_end_code_out_of_noise(came: bytes, mode: str, ended: int, outcome: Outcome, excused: bool) -> None:
+    """REMOTE LOAD: the control ends there and then, and its host goes on."""
+    evidence, excuses = case("bridgeport", cnc={"mode": mode}, place=0, sent=b"", arrived=(came,))
+    attempt = evidence.attempts[0]
+    del attempt.delivered[3:]
+    attempt.got = 3
+    evidence.control_ends.append((ended * SECOND, outcome))
+    assert bool(excuses.less(evidence.attempts, evidence.jobs[0], 8)) is excused

@@ -15,6 +15,7 @@ from tapewire.engine import Nanos, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.line.pacing import character_time
 from tapewire.line.paths import PATHS
+from tapewire.protocols.delivery import HEARD_LATE
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
 from tapewire.sim.frames import (
     cancelled_sums,
@@ -270,6 +271,8 @@ class Excuses:
                 return Undetectable.LOST
             if self._eor_came_otherwise(attempt):
                 return Undetectable.EOR
+            if self._text_ended_early(attempt):
+                return Undetectable.FORGED_END
         if attempt is not None and self._is_a:
             wrong = first_difference(bytes(attempt.delivered), self._evidence.expected)
             if wrong is not None and (packets := lost_packets(self._evidence, self._n, attempt, wrong)):
@@ -290,6 +293,17 @@ class Excuses:
         if surplus <= sum(len(damage.plain) - len(damage.sent) for damage in makers):
             return makers[0].name
         return Undetectable.READ_AS_TEXT if surplus <= self._beside_the_program(attempt) else ""
+
+    def _text_ended_early(self, attempt: Attempt) -> bool:
+        """Bridgeport, REMOTE LOAD: noise ended the text, and the control says nothing when it has all of one (3.1)."""
+        if self._is_b or self._linked or not self._sends:
+            return False
+        ends = [ended for ended, outcome in self._evidence.control_ends if outcome is Outcome.COMPLETE]
+        return any(
+            self._codes.ends & (set(damage.plain) - set(damage.sent))
+            and any(attempt.began <= damage.moment <= ended <= damage.moment + HEARD_LATE for ended in ends)
+            for damage in self._unseen(Wire.FROM_HOST)
+        )
 
     def _makers(self, attempt: Attempt) -> list[Damage]:
         """What made characters for the control while it was in this reading."""
