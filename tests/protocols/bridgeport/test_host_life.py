@@ -206,6 +206,22 @@ def test_a_damaged_character_and_nothing_after_it_is_a_failure() -> None:
     assert rig.end.outcome is Outcome.FAILED
 
 
+@pytest.mark.parametrize(("resumed", "low"), [(b"", 0), (DC1, 10)])
+def test_what_is_heard_behind_a_damaged_character_proves_no_more(resumed: bytes, low: int) -> None:
+    """It may have been the end of the transfer, and what is heard two seconds later is said to nobody."""
+    rig = Rig(b"X" * 100)
+    rig.hear(DC1)
+    rig.take(10)
+    rig.host.receive_line_fault(LineFault.PARITY, None, rig.now)
+    rig.wait(2 * SECOND)
+    rig.hear(resumed)
+    rig.hear(DC3)
+    rig.hear(DLE)
+    rig.settle()
+    assert rig.end is not None
+    assert rig.end.bytes_low == low
+
+
 def test_4_2_1_what_may_have_been_the_answer_to_a_record_is_told_with_what_to_do() -> None:
     """No time limits the wait for an answer, so nothing else would say that both ends may wait for each other."""
     rig = linked()

@@ -115,6 +115,8 @@ class BridgeportHost(Job):
             self._reception.line_fault(fault, None if byte is None else byte & SEVEN_BITS)
             self._note_received(now)
         elif self._more_to_send:
+            self._note_certain(now)
+            self._may_be_over = True
             if not self._held:
                 self._held = True
                 self._events.put(Held(why=f"{fault}: it may have been XOFF"))
@@ -259,7 +261,7 @@ class BridgeportHost(Job):
             heard = heard_while_receiving(character, self._params)
         elif state in SENDING:
             heard = heard_while_sending(character, self._params)
-            self._certain = self._delivery.certain(now)
+            self._note_certain(now)
         else:
             heard = heard_at_rest(character, self._params)
         allowed = LAW.get((state, heard))
@@ -268,6 +270,11 @@ class BridgeportHost(Job):
             return
         self._obey(heard, character, now)
         assert self._state in allowed, f"{heard} led from {state} to {self._state}"
+
+    def _note_certain(self, now: Nanos) -> None:
+        """What came damaged may have been the end of the transfer: what is heard behind it proves no more, until XON."""
+        if not self._may_be_over:
+            self._certain = self._delivery.certain(now)
 
     def _ignore(self, heard: Heard, character: int) -> None:
         """What has no row in the table: in silence if it may be half of a cancel pair, or blank tape."""
@@ -381,7 +388,7 @@ class BridgeportHost(Job):
     def _resume(self, why: str) -> None:
         for timer in (Timer.PAUSE, Timer.GRACE, Timer.DAMAGED):
             self._timers.stop(timer)
-        self._held = False
+        self._held = self._may_be_over = False
         self._events.put(Resumed(why=why))
 
     def _on_ack(self, now: Nanos) -> None:

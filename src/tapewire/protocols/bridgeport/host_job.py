@@ -94,6 +94,7 @@ class Job:
         self._ended_at: Nanos | None = None
         self._delivery = Delivery()
         self._certain = 0
+        self._may_be_over = False
         self._ending: _Ending | None = None
         self._tail_verdict: tuple[Outcome, str] | None = None
         self._recall = False
@@ -248,6 +249,7 @@ class Job:
         self._replies.clear()
         self._delivery = Delivery(stale=self._delivery.on_the_way)
         self._certain = 0
+        self._may_be_over = False
         self._tail_verdict = None
         by = "REMOTE LOAD" if mode is Mode.LOAD else "DNC LINK"
         self._events.put(Started(why=f"{_called(name)} by {by}"))
