@@ -367,3 +367,18 @@ def test_a_dc3_behind_a_damaged_character_that_may_have_been_a_stop_is_no_end(
     assert rig.end is not None
     assert rig.end.outcome is Outcome.FAILED
     assert rig.end.bytes_low <= 8000
+
+
+@pytest.mark.parametrize(("posting", "outcome"), [("on", Outcome.FAILED), ("off", Outcome.COMPLETE)])
+def test_6_1_2_what_comes_damaged_behind_the_last_dc3_may_have_been_syn_or_nak(posting: str, outcome: Outcome) -> None:
+    """Where nothing is posted nothing is said there, so it was noise."""
+    rig = Rig(PROGRAM[:100], posting=posting)
+    rig.hear(DC1)
+    rig.take_in_two_seconds(100)
+    rig.wait(SECOND)
+    rig.hear(DC3)
+    rig.host.receive_line_fault(LineFault.FRAMING, None, rig.now)
+    rig.leave()
+    rig.wait(10 * SECOND)
+    assert rig.end is not None
+    assert rig.end.outcome is outcome

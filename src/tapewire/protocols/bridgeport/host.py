@@ -272,7 +272,7 @@ class BridgeportHost(Job):
         assert self._state in allowed, f"{heard} led from {state} to {self._state}"
 
     def _note_certain(self, now: Nanos) -> None:
-        """What came damaged may have been the end of the transfer: what is heard behind it proves no more, until XON."""
+        """What came damaged may have been the end of the transfer: until XON nothing behind it proves more."""
         if not self._may_be_over:
             self._certain = self._delivery.certain(now)
 

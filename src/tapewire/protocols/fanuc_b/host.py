@@ -50,6 +50,7 @@ from tapewire.protocols.fanuc_b.host_law import (
     LAW,
     LEAVING,
     LOOKS_LIKE_RESET,
+    MAY_BE_NOTICE,
     NOTICES,
     RISK_BLIND,
     RISK_POWER,
@@ -61,6 +62,7 @@ from tapewire.protocols.fanuc_b.host_law import (
 from tapewire.protocols.fanuc_b.host_reception import Pause, Reception
 from tapewire.protocols.fanuc_b.host_signs import Er, Signs
 from tapewire.protocols.fanuc_b.messages import ControlCode, Params, code_of
+from tapewire.protocols.settings import Switch
 
 __all__ = ["LAW", "FanucBHost", "State"]
 
@@ -155,6 +157,8 @@ class FanucBHost:
                 self._timers.start(Timer.DAMAGED, now + DAMAGED_WAIT)
             case State.HELD:
                 self._timers.start(Timer.DAMAGED, now + DAMAGED_WAIT)
+            case State.CLOSING if self._params.posting is Switch.ON:
+                self._end(Outcome.FAILED, f"sent whole, then a {fault}: {MAY_BE_NOTICE}", now)
             case State.RECEIVING | State.AFTER_DC4:
                 assert self._reception is not None
                 self._reception.line_fault(fault, byte)

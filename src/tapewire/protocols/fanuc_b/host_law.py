@@ -19,6 +19,7 @@ __all__ = [
     "LAW",
     "LEAVING",
     "LOOKS_LIKE_RESET",
+    "MAY_BE_NOTICE",
     "NOTICES",
     "RESET_AT_END",
     "RISK_BLIND",
@@ -110,6 +111,7 @@ ER_ROSE: Final = "the control's ER came ON in the middle: what asked is not ther
 
 RESET_AT_END: Final = "the control has read the whole program and was reset at its end (SYN)"
 
+MAY_BE_NOTICE: Final = "it may have been SYN or NAK; see at the control whether it has read the whole program"
 LOOKS_LIKE_RESET: Final = (
     "the control was reset or has an alarm, and its next DC1 would be a start, not a resume; RESET the control and "
     "send again (with 5000#3 = 1 and posting=on it would say which)"
