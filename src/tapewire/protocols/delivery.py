@@ -67,7 +67,7 @@ class Delivery:
             self._step = min(self._step or step, step)
         self._measure(now, self.sent - self.in_flight)
         self._log.append((now, self.sent - self.in_flight))
-        heard = now - self._heard_late
+        heard = now - self.heard_late
         while len(self._log) > 1 and self._log[1][0] <= heard:
             self._log.popleft()
 
@@ -88,12 +88,14 @@ class Delivery:
 
     def certain(self, now: Nanos) -> int:
         """Characters the control certainly had when it said what is heard at `now`."""
-        heard = now - self._heard_late
+        heard = now - self.heard_late
         certain = [left for at, left in self._log if at <= heard]
         return certain[-1] if certain else 0
 
     @property
-    def _heard_late(self) -> Nanos:
-        """What leaves one after the other shows how long a character takes on this line; a pause does not."""
+    def heard_late(self) -> Nanos:
+        """How late what the control says may be heard. What leaves one after the other shows how long a character takes
+        on this line; a pause does not.
+        """
         pace = max(self._step, min(self._pace, MOST_BEHIND * self._step))
         return max(HEARD_LATE, HEARD_LATE_CHARACTERS * pace)

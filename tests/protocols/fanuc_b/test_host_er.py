@@ -38,14 +38,69 @@ def test_6_4_1_without_posting_a_falling_er_ends_the_job() -> None:
     assert (rig.end.outcome, rig.end.bytes_low) == (Outcome.FAILED, 8000)
 
 
-def test_6_1_1_7_er_falling_after_the_last_byte_is_the_end() -> None:
+@pytest.mark.parametrize("seen", ["ER first", "DC3 first"])
+def test_6_1_1_7_er_falling_with_the_last_dc3_is_the_end(seen: str) -> None:
     rig = Rig(posting="off")
     rig.see()
     rig.hear(DC1)
     rig.take(len(PROGRAM))
+    if seen == "DC3 first":
+        rig.hear(DC3)
     rig.see(dsr=False)
+    if seen == "ER first":
+        rig.wait(SECOND // 20)
+        assert rig.end is None
+        rig.hear(DC3)
     assert rig.end is not None
     assert rig.end.outcome is Outcome.COMPLETE
+
+
+@pytest.mark.parametrize("then", ["nothing", "ER comes back", "a damaged character"])
+def test_an_er_that_falls_behind_the_last_byte_and_no_dc3_is_a_loss_of_power(then: str) -> None:
+    """What left last may not have come any more."""
+    rig = Rig(posting="off")
+    rig.see()
+    rig.hear(DC1)
+    rig.take_in_two_seconds(len(PROGRAM) - 10)
+    rig.take(10)
+    rig.see(dsr=False)
+    if then == "ER comes back":
+        rig.see()
+    elif then == "a damaged character":
+        rig.host.receive_line_fault(LineFault.PARITY, None, rig.now)
+    rig.wait(SECOND // 10)
+    assert rig.end is not None
+    assert (rig.end.outcome, rig.end.bytes_low) == (Outcome.FAILED, len(PROGRAM) - 10)
+
+
+class LateEnd:
+    """A source that says only when asked a second time that there is no more."""
+
+    def __init__(self, *answers: bytes | None) -> None:
+        self._answers = list(answers)
+
+    def read(self, limit: int) -> bytes | None:
+        return self._answers.pop(0) if self._answers else b""
+
+
+@pytest.mark.parametrize("heard_before", ["nothing", "DC3"])
+@pytest.mark.parametrize(("rest", "outcome"), [(b"", Outcome.COMPLETE), (b"M30\n%", Outcome.FAILED)])
+def test_an_er_that_falls_while_the_source_is_late_asks_it_first(
+    heard_before: str, rest: bytes, outcome: Outcome
+) -> None:
+    rig = Rig(b"", posting="off")
+    rig.host.start(LateEnd(b"%\nG01 X1.\n%", None, rest), 0)
+    rig.see()
+    rig.hear(DC1)
+    rig.take(100)
+    if heard_before == "DC3":
+        rig.hear(DC3)
+    rig.see(dsr=False)
+    if heard_before == "nothing":
+        rig.hear(DC3)
+    assert rig.end is not None
+    assert rig.end.outcome is outcome
+    assert not rig.take(100)
 
 
 def test_an_er_that_was_never_on_or_is_said_to_be_hidden_says_nothing() -> None:

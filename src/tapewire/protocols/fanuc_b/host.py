@@ -41,7 +41,7 @@ from tapewire.engine import (
     Violation,
 )
 from tapewire.errors import UsageError
-from tapewire.protocols.fanuc_b.host_delivery import HEARD_LATE, Delivery, Supply
+from tapewire.protocols.fanuc_b.host_delivery import Delivery, Supply
 from tapewire.protocols.fanuc_b.host_law import (
     DAMAGED_WAIT,
     ER_FELL,
@@ -158,7 +158,7 @@ class FanucBHost:
             case State.HELD:
                 self._timers.start(Timer.DAMAGED, now + DAMAGED_WAIT)
             case State.CLOSING if self._params.posting is Switch.ON:
-                self._end(Outcome.FAILED, f"sent whole, then a {fault}: {MAY_BE_NOTICE}", now)
+                self._end(Outcome.FAILED, f"sent whole, then damage ({fault}): {MAY_BE_NOTICE}", now)
             case State.RECEIVING | State.AFTER_DC4:
                 assert self._reception is not None
                 self._reception.line_fault(fault, byte)
@@ -176,15 +176,18 @@ class FanucBHost:
                 self._end(Outcome.FAILED, ER_ROSE, now)
 
     def _on_er_fell(self, now: Nanos) -> None:
-        """6.4 (1): a reset or an alarm, or what comes behind the last DC3 or DC4."""
-        if self._signs.er_may_end_the_read(self._state, self._delivery):
+        """6.4 (1): a reset or an alarm, or what comes behind the last DC3 or DC4; what it is hangs on a late source."""
+        if self._state in (State.SENDING, State.HELD) and not self._supply.ahead:
+            self._fill(now)
+        if self._signs.er_ends_the_read(self._state, self._delivery):
             self._end(Outcome.COMPLETE, "the control has read the whole program and turned ER OFF", now)
         elif self._state is State.AFTER_DC4:
             self._finish_reception(now)
+        elif self._signs.er_may_be_before_its_code(self._state, self._delivery):
+            self._delivery.control_gone(now)
+            self._timers.start(Timer.ER_FELL, now + self._delivery.heard_late)
         elif self._state in _SENDING or self._state is State.CLOSING:
             self._end(Outcome.FAILED, ER_FELL, now)
-        elif self._state is State.RECEIVING:
-            self._timers.start(Timer.ER_FELL, now + HEARD_LATE)
 
     def receive_closed(self, closure: Closure, reason: str, now: Nanos) -> None:
         """The end of a TCP line counts as ER OFF."""
@@ -390,7 +393,7 @@ class FanucBHost:
             self._certain = self._delivery.certain(self._signs.dc3_at)
         for timer in (Timer.DAMAGED, Timer.EARLY_STOP):
             self._timers.stop(timer)
-        if wait:
+        if wait and not self._timers.running(Timer.ER_FELL):
             self._timers.start(Timer.CLOSING, now + wait)
         else:
             self._end(*TIMED_ENDS[Timer.CLOSING], now)

@@ -29,6 +29,7 @@ class Delivery(delivery.Delivery):
         self._at_dc1 = 0
         self._resumed = False
         self._began: Nanos = 0
+        self._gone_at: Nanos | None = None
 
     def start(self, now: Nanos) -> None:
         """The control sent the DC1 that starts, or resumes when something has been sent."""
@@ -42,6 +43,13 @@ class Delivery(delivery.Delivery):
         """Enough has been sent since the last DC1 for a DC3 to be a stop (6.3)."""
         least = self._limits.next_stop if self._resumed else self._limits.first_stop
         return self.sent - self._at_dc1 >= least
+
+    def control_gone(self, now: Nanos) -> None:
+        """What has not arrived by now does not arrive any more."""
+        self._gone_at = now
+
+    def certain(self, now: Nanos) -> int:
+        return super().certain(now if self._gone_at is None else min(now, self._gone_at))
 
     def has_arrived(self, now: Nanos) -> bool:
         """The control had everything when it said what is heard at `now`."""

@@ -62,7 +62,7 @@ class Timer(Named):
     LEAVING = "leaving"
     DAMAGED = "damaged wait"
     ER_FELL = "ER fell"
-    """A control line is seen at once, and the DC4 before it may still be in a receive FIFO."""
+    """A control line is seen at once, and the last DC3 or DC4 before it may still be in a receive FIFO."""
     EARLY_STOP = "early stop"
 
 

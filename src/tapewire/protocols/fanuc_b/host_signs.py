@@ -90,15 +90,21 @@ class Signs:
             return round(self._params.closing_time * SECOND)
         return round(self._params.notice_time * SECOND) if self._posts else 0
 
-    def er_may_end_the_read(self, state: State, delivery: Delivery) -> bool:
-        """With posting ER stays ON until power-off (6.1.2), so it may only fall behind the last DC3."""
-        expected = state is State.CLOSING or not self._posts
-        return expected and self.hanging_up_may_end_the_read(state, delivery)
+    def er_ends_the_read(self, state: State, delivery: Delivery) -> bool:
+        """It falls behind the last DC3 (6.1.1 1) (7), 6.4 (1)); with none it is a loss of power as well."""
+        return state is State.CLOSING and self.hanging_up_may_end_the_read(state, delivery)
 
     def hanging_up_may_end_the_read(self, state: State, delivery: Delivery) -> bool:
         """ER OFF, or the line closed: a reset does the same, so behind a DC3 that may be one it proves nothing."""
         over = state is State.DELIVERED or (state is State.CLOSING and not self.dc3_may_be_reset)
         return over and not delivery.in_flight
+
+    def er_may_be_before_its_code(self, state: State, delivery: Delivery) -> bool:
+        """A control line is seen at once, and the last DC3 or DC4 may still be in a receive FIFO. With posting ER stays
+        ON until power-off (6.1.2), so behind a program it cannot belong to a DC3 to come.
+        """
+        delivered = state is State.DELIVERED and not self._posts and not delivery.in_flight
+        return delivered or state is State.RECEIVING
 
     def end_by_notice(
         self, code: ControlCode, state: State, delivery: Delivery, now: Nanos
