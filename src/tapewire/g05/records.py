@@ -17,21 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tapewire.errors import ProgramError, UsageError
-from tapewire.g05.columns import (
-    Columns,
+from tapewire.g05.layout import SIGNIFICANT, Layout, RecordFormat
+from tapewire.g05.words import (
+    ROOM_BYTES,
+    Auxiliary,
+    Bytes,
+    Rooms,
     Words,
     all_move,
-    columns,
-    copy,
-    fields,
+    carry,
+    check_bytes,
+    has_odd_byte,
     moving,
     pack,
     pack_auxiliary,
-    sum_of_bytes,
     unpack,
     unpack_auxiliary,
 )
-from tapewire.g05.layout import SIGNIFICANT, Layout, RecordFormat
 
 __all__ = [
     "Auxiliary",
@@ -46,10 +48,8 @@ __all__ = [
 ]
 
 Travel: TypeAlias = NDArray[np.int16]
-Auxiliary: TypeAlias = NDArray[np.uint32]
-Bytes: TypeAlias = NDArray[np.uint8]
 
-PIECE_BYTES: Final = 1 << 19
+PIECE_BYTES: Final = 3 << 17
 """Of records. The few arrays of a piece fit into a second-level cache; a call of numpy is small against it."""
 
 NO_MOTION: Final = (
@@ -78,32 +78,21 @@ def encode(
     with record, axis and value for a number out of range, and for a record that would end the section.
     """
     _expect_shapes(travel, layout, auxiliary)
-    out = np.empty(len(travel) * layout.record_bytes, np.uint8)
+    out = np.empty((len(travel), layout.record_bytes), np.uint8)
     desk = _Desk(len(travel), layout)
     for piece in desk.pieces():
         first = first_record + piece.start
         numbers = _as_words(travel[piece], layout, first)
         extra = None if auxiliary is None else _checked_auxiliary(auxiliary[piece], layout, first)
-        words, spare = desk.words(len(numbers))
-        made = columns(words, layout.axis_count)
-        copy(fields(numbers.reshape(-1).view(np.uint8), layout.axis_count, 2 * layout.axis_count), made)
-        if not _in_range(words.view("<i2"), layout):
+        if layout.format is RecordFormat.SPECIAL and not _in_range(numbers, layout):
             raise _out_of_range(numbers, layout, first)
-        pack(words, spare, layout.format)
-        _refuse_no_motion(made, extra, first)
-        _put(out[piece.start * layout.record_bytes : piece.stop * layout.record_bytes], made, extra, layout)
-    return out
-
-
-def _put(out: Bytes, made: Columns, auxiliary: Auxiliary | None, layout: Layout) -> None:
-    """Records from their columns."""
-    size = layout.record_bytes
-    copy(made, fields(out, layout.axis_count, size))
-    if auxiliary is not None:
-        packed = pack_auxiliary(auxiliary, layout.format)
-        np.copyto(_auxiliary_field(out, layout), packed)
-        made = [*made, packed[None]]
-    out[size - 1 :: size] = sum_of_bytes(made)
+        part = desk.part(len(numbers))
+        pack(numbers.reshape(-1), part.words, part.spare, layout.format)
+        _refuse_no_motion(part.words, layout, extra, first)
+        if extra is not None and part.auxiliary is not None:
+            pack_auxiliary(extra, part.auxiliary, part.rooms[0], layout.format)
+        part.put(out[piece])
+    return out.reshape(-1)
 
 
 def decode(data: bytes | bytearray | memoryview | Bytes, layout: Layout, *, first_record: int = 1) -> Records:
@@ -122,43 +111,44 @@ def decode_as_they_are(data: bytes | bytearray | memoryview | Bytes, layout: Lay
 
 def _decoded(data: bytes | bytearray | memoryview | Bytes, layout: Layout, first_record: int | None) -> Records:
     """`first_record` None: nothing is checked."""
-    flat = _whole(data, layout)
-    size, axes = layout.record_bytes, layout.axis_count
-    travel = np.empty((len(flat) // size, axes), np.int16)
-    auxiliary = np.empty(len(travel), np.uint32) if layout.uses_auxiliary else None
-    desk = _Desk(len(travel), layout)
+    records = _whole(data, layout)
+    travel = np.empty((len(records), layout.axis_count), "<i2")
+    auxiliary = np.empty(len(records), np.uint32) if layout.uses_auxiliary else None
+    desk = _Desk(len(records), layout)
     for piece in desk.pieces():
-        raw = desk.raw(flat[piece.start * size : piece.stop * size])
+        part = desk.part_of(records[piece])
         if first_record is not None:
-            raw.refuse_wrong(first_record + piece.start)
-        if auxiliary is not None:
-            auxiliary[piece] = unpack_auxiliary(raw.auxiliary, layout.format)
+            _refuse_wrong(part, records[piece], first_record + piece.start)
+        if auxiliary is not None and part.auxiliary is not None:
+            auxiliary[piece] = unpack_auxiliary(part.auxiliary, layout.format)
         if first_record is not None:
-            _refuse_no_motion(raw.columns, None if auxiliary is None else auxiliary[piece], first_record + piece.start)
-        unpack(raw.words, raw.spare, layout.format)
-        copy(raw.columns, fields(travel[piece].reshape(-1).view(np.uint8), axes, 2 * axes))
-    return Records(travel=travel, auxiliary=auxiliary)
+            extra = None if auxiliary is None else auxiliary[piece]
+            _refuse_no_motion(part.words, layout, extra, first_record + piece.start)
+        unpack(part.words, travel[piece].reshape(-1), part.spare, layout.format)
+    return Records(travel=travel.astype(np.int16, copy=False), auxiliary=auxiliary)
 
 
 def faults(data: bytes | bytearray | memoryview | Bytes, layout: Layout) -> Iterator[tuple[int, str]]:
     """(index from 0, what is wrong) of every record with a wrong check byte or a bit that must be 0."""
-    flat, size = _whole(data, layout), layout.record_bytes
-    desk = _Desk(len(flat) // size, layout)
+    records = _whole(data, layout)
+    desk = _Desk(len(records), layout)
     for piece in desk.pieces():
-        raw = desk.raw(flat[piece.start * size : piece.stop * size])
-        for index in np.flatnonzero(raw.wrong()):
-            yield piece.start + int(index), _what_is_wrong(raw.record(int(index)), layout)
+        for index in np.flatnonzero(desk.part_of(records[piece]).wrong(records[piece])):
+            at = piece.start + int(index)
+            yield at, _what_is_wrong(records[at].tobytes(), layout)
 
 
 def first_exit(data: bytes | bytearray | memoryview | Bytes, layout: Layout) -> int | None:
     """The index of the first record whose travel and auxiliary function are all 0, whatever its check byte."""
-    flat, size = _whole(data, layout), layout.record_bytes
-    desk = _Desk(len(flat) // size, layout)
+    records = _whole(data, layout)
+    desk = _Desk(len(records), layout)
     for piece in desk.pieces():
-        raw = desk.raw(flat[piece.start * size : piece.stop * size])
-        some = moving(raw.columns)
-        if layout.uses_auxiliary:
-            some |= raw.auxiliary != 0
+        part = desk.part_of(records[piece])
+        if all_move(part.words, layout.axis_count):
+            continue
+        some = moving(part.words, layout.axis_count)
+        if part.auxiliary is not None:
+            some |= part.auxiliary != 0
         if not some.all():
             return int(piece.start) + int(np.argmin(some))
     return None
@@ -170,66 +160,89 @@ class _Desk:
     def __init__(self, count: int, layout: Layout) -> None:
         self._count, self._layout = count, layout
         self._at_a_time = min(max(PIECE_BYTES // layout.record_bytes, 1), max(count, 1))
-        self._words = np.empty((2, self._at_a_time * layout.axis_count), "<u2")
+        row = -(-self._at_a_time * max(2 * layout.axis_count, ROOM_BYTES) // 64) * 64
+        self._rooms = np.empty((4, row), np.uint8)
+        self._part = _Part.of(self._rooms, self._at_a_time, layout)
 
     def pieces(self) -> Iterator[slice]:
         for start in range(0, self._count, self._at_a_time):
             yield slice(start, min(start + self._at_a_time, self._count))
 
-    def words(self, count: int) -> tuple[Words, Words]:
-        """For `count` records; what they held is lost."""
-        both = self._words[:, : count * self._layout.axis_count]
-        return both[0], both[1]
+    def part(self, count: int) -> _Part:
+        """For `count` records; what the last one held is lost."""
+        if count != len(self._part.rows):
+            self._part = _Part.of(self._rooms, count, self._layout)
+        return self._part
 
-    def raw(self, data: Bytes) -> _Raw:
-        layout = self._layout
-        words, spare = self.words(len(data) // layout.record_bytes)
-        made = columns(words, layout.axis_count)
-        copy(fields(data, layout.axis_count, layout.record_bytes), made)
-        packed = _auxiliary_field(data, layout).copy() if layout.uses_auxiliary else np.zeros(0, np.uint32)
-        return _Raw(layout, data, words, spare, made, packed)
+    def part_of(self, records: Bytes) -> _Part:
+        part = self.part(len(records))
+        part.take(records)
+        return part
 
 
-@dataclass(frozen=True, slots=True)
-class _Raw:
-    """A piece as it stands on the line: words with their bytes swapped, column by column."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Part:
+    """Some records as they stand on the line: their words, and their auxiliary functions, if they are used.
+
+    `rows` are the bytes of the words. `spare` is the first of `rooms`; what stands there is lost.
+    """
 
     layout: Layout
-    data: Bytes
     words: Words
+    rows: Bytes
+    auxiliary: Auxiliary | None
     spare: Words
-    columns: Columns
-    auxiliary: Auxiliary
+    rooms: Rooms
 
-    def record(self, index: int) -> bytes:
-        size = self.layout.record_bytes
-        return self.data[index * size : (index + 1) * size].tobytes()
+    @classmethod
+    def of(cls, rooms: Bytes, count: int, layout: Layout) -> _Part:
+        width = 2 * layout.axis_count
+        words, one, other, last = rooms
+        return cls(
+            layout=layout,
+            words=words[: width * count].view("<u2"),
+            rows=words[: width * count].reshape(count, width),
+            auxiliary=last[: 4 * count].view(np.uint32) if layout.uses_auxiliary else None,
+            spare=one[: width * count].view("<u2"),
+            rooms=(one, other),
+        )
 
-    def refuse_wrong(self, first_record: int) -> None:
-        wrong = self.wrong()
-        if wrong.any():
-            index = int(np.argmax(wrong))
-            why = _what_is_wrong(self.record(index), self.layout)
-            raise ProgramError(f"record {first_record + index:,}: {why}")
+    def put(self, records: Bytes) -> None:
+        """Travel first: of three axes it goes over what stands behind it."""
+        carry(self.rows, records, self.rows.shape[1], self.rooms[0])
+        if self.auxiliary is not None:
+            np.copyto(_auxiliary_field(records), self.auxiliary)
+        self._sum(records[:, -1])
 
-    def wrong(self) -> NDArray[np.bool_]:
-        size = self.layout.record_bytes
-        total = sum_of_bytes([*self.columns, self.auxiliary[None]] if self.layout.uses_auxiliary else self.columns)
-        wrong: NDArray[np.bool_] = total != self.data[size - 1 :: size]
-        if self.layout.format is RecordFormat.SPECIAL and self._has_odd_byte():
-            wrong |= (self.data.reshape(-1, size)[:, :-1] & 1).any(axis=1)
+    def take(self, records: Bytes) -> None:
+        carry(records, self.rows, self.rows.shape[1], self.rooms[0])
+        if self.auxiliary is not None:
+            np.copyto(self.auxiliary, _auxiliary_field(records))
+
+    def wrong(self, records: Bytes) -> NDArray[np.bool_]:
+        """Which of the `records` that were taken have a wrong check byte or a bit that must be 0."""
+        total = np.empty(len(records), np.uint8)
+        self._sum(total)
+        wrong: NDArray[np.bool_] = total != records[:, -1]
+        if self.layout.format is RecordFormat.SPECIAL and has_odd_byte(self.words, self.auxiliary):
+            wrong |= (records[:, :-1] & 1).any(axis=1)
         return wrong
 
-    def _has_odd_byte(self) -> bool:
-        np.bitwise_and(self.words, np.uint16(0x0101), out=self.spare)
-        return bool(self.spare.any()) or bool((self.auxiliary & np.uint32(0x01010101)).any())
+    def _sum(self, into: Bytes) -> None:
+        check_bytes(self.rows, self.auxiliary, self.rooms, into)
 
 
-def _auxiliary_field(data: Bytes, layout: Layout) -> NDArray[np.uint32]:
-    """Where the auxiliary functions stand in records, highest byte first: as numbers their bytes are swapped."""
-    size = layout.record_bytes
-    field: NDArray[np.uint32] = np.ndarray((len(data) // size,), "<u4", data.data, 2 * layout.axis_count, (size,))
+def _auxiliary_field(records: Bytes) -> NDArray[np.uint32]:
+    """Where the auxiliary functions stand, highest byte first."""
+    field: NDArray[np.uint32] = records[:, -5:-1].view(">u4")[:, 0]
     return field
+
+
+def _refuse_wrong(part: _Part, records: Bytes, first_record: int) -> None:
+    wrong = part.wrong(records)
+    if wrong.any():
+        index = int(np.argmax(wrong))
+        raise ProgramError(f"record {first_record + index:,}: {_what_is_wrong(records[index].tobytes(), part.layout)}")
 
 
 def _what_is_wrong(record: bytes, layout: Layout) -> str:
@@ -250,7 +263,7 @@ def _whole(data: bytes | bytearray | memoryview | Bytes, layout: Layout) -> Byte
             f"{len(flat):,} bytes are no whole number of records of {layout.record_bytes} ({layout}): "
             f"{len(flat) % layout.record_bytes} are left over"
         )
-    return flat
+    return flat.reshape(-1, layout.record_bytes)
 
 
 def _expect_shapes(travel: NDArray[Any], layout: Layout, auxiliary: NDArray[Any] | None) -> None:
@@ -274,10 +287,7 @@ def _as_words(travel: NDArray[Any], layout: Layout, first_record: int) -> Travel
 
 def _in_range(numbers: NDArray[Any], layout: Layout) -> bool:
     low, high = layout.travel_limits
-    held = np.iinfo(numbers.dtype)
-    return not numbers.size or (
-        (held.min >= low or bool(numbers.min() >= low)) and (held.max <= high or bool(numbers.max() <= high))
-    )
+    return bool(numbers.min() >= low and numbers.max() <= high)
 
 
 def _out_of_range(travel: NDArray[Any], layout: Layout, first_record: int) -> ProgramError:
@@ -290,28 +300,25 @@ def _out_of_range(travel: NDArray[Any], layout: Layout, first_record: int) -> Pr
 
 
 def _checked_auxiliary(auxiliary: NDArray[Any], layout: Layout, first_record: int) -> Auxiliary:
-    if auxiliary.dtype == np.uint32:
-        words: Auxiliary = auxiliary
-        outside = np.uint32((SIGNIFICANT - 1) & ~layout.largest_auxiliary)
-        wrong: NDArray[Any] = words & outside
-    else:
-        numbers = auxiliary.astype(np.int64, copy=False)
-        wrong = (numbers < 0) | ((numbers & ~SIGNIFICANT) > layout.largest_auxiliary)
-        words = numbers.astype(np.uint32)
-    if wrong.max(initial=0):
-        index = int(np.argmax(wrong != 0))
+    outside = (SIGNIFICANT - 1) & ~layout.largest_auxiliary
+    if auxiliary.dtype == np.uint32 and not int(np.bitwise_or.reduce(auxiliary)) & outside:
+        return auxiliary
+    numbers = auxiliary.astype(np.int64, copy=False)
+    wrong = (numbers < 0) | ((numbers & ~SIGNIFICANT) > layout.largest_auxiliary)
+    if wrong.any():
+        index = int(np.argmax(wrong))
         raise ProgramError(
             f"record {first_record + index:,}: auxiliary function {int(auxiliary[index]) & ~SIGNIFICANT:,} is "
             f"outside 0 to {layout.largest_auxiliary:,} of the {layout.format} format"
         )
-    return words
+    return numbers.astype(np.uint32)
 
 
-def _refuse_no_motion(packed: Columns, auxiliary: Auxiliary | None, first_record: int) -> None:
+def _refuse_no_motion(words: Words, layout: Layout, auxiliary: Auxiliary | None, first_record: int) -> None:
     """Whether a zero auxiliary function alone leaves the mode is not stated (9.1): it is not sent."""
-    if all_move(packed):
+    if all_move(words, layout.axis_count):
         return
-    some = moving(packed)
+    some = moving(words, layout.axis_count)
     if auxiliary is not None:
         some |= auxiliary > np.uint32(SIGNIFICANT)
     if not some.all():

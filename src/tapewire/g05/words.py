@@ -1,0 +1,184 @@
+"""Words of many records, one record behind the other, so that numpy works on all of them at once.
+
+A word of sixteen bits is the same wherever it stands, so packing and unpacking look at no record, and neither does the
+sum of neighbouring bytes. What looks at records is `carry`, between words and records on the line. Nothing here takes
+memory for what it makes: rooms as long as the words are handed in and their content is lost. Words are little-endian on
+every computer.
+"""
+
+from __future__ import annotations
+
+from functools import reduce
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tapewire.g05.layout import SIGNIFICANT, RecordFormat
+
+__all__ = [
+    "ROOM_BYTES",
+    "Auxiliary",
+    "Bytes",
+    "Rooms",
+    "Words",
+    "all_move",
+    "carry",
+    "check_bytes",
+    "has_odd_byte",
+    "moving",
+    "pack",
+    "pack_auxiliary",
+    "unpack",
+    "unpack_auxiliary",
+]
+
+Bytes: TypeAlias = NDArray[np.uint8]
+Words: TypeAlias = NDArray[np.uint16]
+Auxiliary: TypeAlias = NDArray[np.uint32]
+Rooms: TypeAlias = tuple[Bytes, Bytes]
+
+ROOM_BYTES: Final = 8
+"""Of a record, that a room holds at least: the widest number that `carry` takes at once."""
+
+_WIDE: Final = 32
+"""Bytes of a record from which on it is quicker to copy records one by one."""
+
+_SEVEN_BITS: Final = (0x7F, 0x7F << 7, 0x7F << 14, 0x3F << 21)
+
+
+def carry(source: Bytes, into: Bytes, width: int, room: Bytes) -> None:
+    """The first `width` bytes of every row of `source` to every row of `into`, whose rows may be longer or shorter.
+
+    Eight bytes of all rows at a time, the last eight as far as need be over those before. numpy is quick from or to
+    numbers without a gap, but not between two arrays with gaps of an odd length. Of rows of six bytes eight are taken,
+    too: two too many of each, which the next row overwrites, and the last row therefore goes by itself.
+    """
+    if width >= _WIDE:
+        into[:, :width] = source[:, :width]
+        return
+    size = min(width, 8) if width != 6 else 8
+    count = len(source) - (size > width)
+    between = room[: count * size].view(f"<u{size}")
+    last = max(width - 8, 0)
+    for begin in (*range(0, last, 8), last):
+        np.copyto(between, _column(source, begin, between))
+        np.copyto(_column(into, begin, between), between)
+    into[count:, :width] = source[count:, :width]
+
+
+def _column(rows: Bytes, begin: int, like: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Numbers like those of `like` at byte `begin` of every row."""
+    return np.ndarray(like.shape, like.dtype, rows.data, begin, rows.strides[:1])
+
+
+def pack(numbers: NDArray[np.int16], words: Words, spare: Words, form: RecordFormat) -> None:
+    """Numbers to words as the line carries them, high byte first: special D6-D0 0 D13-D7 0, general D7-D0 D15-D8."""
+    bits = numbers.view("<u2")
+    if form is RecordFormat.GENERAL:
+        np.copyto(words.view(">u2"), bits)
+        return
+    np.right_shift(bits, 6, out=spare)
+    np.bitwise_and(spare, 0x00FE, out=spare)
+    np.multiply(bits, 1 << 9, out=words)
+    np.bitwise_or(words, spare, out=words)
+
+
+def unpack(words: Words, numbers: NDArray[np.int16], spare: Words, form: RecordFormat) -> None:
+    """The other way of `pack`; bits that the special format keeps 0 are passed over. `words` are lost."""
+    if form is RecordFormat.GENERAL:
+        np.copyto(numbers, words.view(">i2"))
+        return
+    np.right_shift(words, 7, out=spare)
+    np.multiply(words, 1 << 8, out=words)
+    np.bitwise_or(words, spare, out=words)
+    np.right_shift(words.view("<i2"), 2, out=numbers)
+
+
+def check_bytes(rows: Bytes, auxiliary: Auxiliary | None, rooms: Rooms, into: Bytes) -> None:
+    """Of records whose words are `rows`: the sum of all their bytes, modulo 256. `auxiliary` is packed."""
+    more = None if auxiliary is None else _sums(auxiliary.view(np.uint8), 4, rooms).copy()
+    total = _sums(rows.reshape(-1), rows.shape[1], rooms)
+    if more is None:
+        np.copyto(into, total)
+    else:
+        np.add(total, more, out=into)
+
+
+def _sums(data: Bytes, width: int, rooms: Rooms) -> Bytes:
+    """Of the bytes of every `width`, an even number. The answer stands in one of the rooms.
+
+    As long as the width is even every byte is added to the next one and every other sum kept. Then come the sums of
+    all neighbours, twice as many a step and one more where the odd width asks for it, of which one a record counts.
+    """
+    sums_room, half_room = rooms
+    while width % 2 == 0:
+        pairs = sums_room[: len(data)]
+        np.add(data[:-1], data[1:], out=pairs[:-1])
+        data, width = half_room[: len(data) // 2], width // 2
+        np.copyto(data, pairs.view("<u2"), casting="unsafe")
+    here, there = sums_room, half_room[len(data) :]
+    run, taken = data, 1
+    for digit in f"{width:b}"[1:]:
+        longer = here[: len(run) - taken]
+        np.add(run[:-taken], run[taken:], out=longer)
+        run, taken = longer, 2 * taken
+        if digit == "1":
+            run = run[:-1]
+            np.add(run, data[taken:], out=run)
+            taken += 1
+        here, there = there, here
+    return run[::width]
+
+
+def has_odd_byte(words: Words, auxiliary: Auxiliary | None) -> bool:
+    odd = int(np.bitwise_or.reduce(words)) & 0x0101
+    if auxiliary is not None:
+        odd |= int(np.bitwise_or.reduce(auxiliary)) & 0x01010101
+    return bool(odd)
+
+
+def all_move(words: Words, axis_count: int) -> bool:
+    """False where it takes `moving` to tell: hardly ever, as long as no two words side by side are 0.
+
+    A record without travel holds a number of two, four or eight bytes that is 0, wherever it begins.
+    """
+    size = 1 if axis_count == 1 else 2 if axis_count < 7 else 4
+    return bool(words[: len(words) // size * size].view(f"<u{2 * size}").min())
+
+
+def moving(words: Words, axis_count: int) -> NDArray[np.bool_]:
+    """Which records have any travel, packed or not."""
+    some: NDArray[np.bool_] = reduce(np.bitwise_or, words.reshape(-1, axis_count).T) != 0
+    return some
+
+
+def pack_auxiliary(auxiliary: Auxiliary, packed: Auxiliary, room: Bytes, form: RecordFormat) -> None:
+    """Auxiliary functions to numbers whose highest byte the line carries first.
+
+    In the special format the data are four times seven bits, each a place higher than in the one below, and the bit
+    that says whether they are significant is the highest of all. First all data go up by one, then the upper fourteen
+    by two, then the upper seven of either fourteen by one: bits go up by one or two as they are added once or thrice.
+    """
+    if form is RecordFormat.GENERAL:
+        np.copyto(packed, auxiliary)
+        return
+    part = room[: packed.nbytes].view(np.uint32)
+    np.add(auxiliary, auxiliary, out=packed)
+    np.bitwise_and(packed, 0x3FFF << 15, out=part)
+    np.multiply(part, 3, out=part)
+    np.add(packed, part, out=packed)
+    np.bitwise_and(packed, 0x7F007F00, out=part)
+    np.add(packed, part, out=packed)
+    np.bitwise_and(auxiliary, SIGNIFICANT, out=part)
+    np.bitwise_or(packed, part, out=packed)
+
+
+def unpack_auxiliary(packed: Auxiliary, form: RecordFormat) -> Auxiliary:
+    """The other way of `pack_auxiliary`."""
+    if form is RecordFormat.GENERAL:
+        return packed
+    auxiliary = packed & np.uint32(SIGNIFICANT)
+    for group, bits in enumerate(_SEVEN_BITS):
+        auxiliary |= (packed >> np.uint32(group + 1)) & np.uint32(bits)
+    return auxiliary
