@@ -22,11 +22,9 @@ from tapewire.g05.words import (
     ROOM_BYTES,
     Auxiliary,
     Bytes,
-    Rooms,
+    Sums,
     Words,
-    all_move,
     carry,
-    check_bytes,
     has_odd_byte,
     moving,
     pack,
@@ -78,7 +76,8 @@ def encode(
     with record, axis and value for a number out of range, and for a record that would end the section.
     """
     _expect_shapes(travel, layout, auxiliary)
-    out = np.empty((len(travel), layout.record_bytes), np.uint8)
+    out = np.empty(len(travel) * layout.record_bytes, np.uint8)
+    records = out.reshape(-1, layout.record_bytes)
     desk = _Desk(len(travel), layout)
     for piece in desk.pieces():
         first = first_record + piece.start
@@ -88,11 +87,11 @@ def encode(
             raise _out_of_range(numbers, layout, first)
         part = desk.part(len(numbers))
         pack(numbers.reshape(-1), part.words, part.spare, layout.format)
-        _refuse_no_motion(part.words, layout, extra, first)
         if extra is not None and part.auxiliary is not None:
-            pack_auxiliary(extra, part.auxiliary, part.rooms[0], layout.format)
-        part.put(out[piece])
-    return out.reshape(-1)
+            pack_auxiliary(extra, part.auxiliary, part.room, layout.format)
+        part.put(records[piece])
+        _refuse_no_motion(part, extra, first)
+    return out
 
 
 def decode(data: bytes | bytearray | memoryview | Bytes, layout: Layout, *, first_record: int = 1) -> Records:
@@ -123,7 +122,7 @@ def _decoded(data: bytes | bytearray | memoryview | Bytes, layout: Layout, first
             auxiliary[piece] = unpack_auxiliary(part.auxiliary, layout.format)
         if first_record is not None:
             extra = None if auxiliary is None else auxiliary[piece]
-            _refuse_no_motion(part.words, layout, extra, first_record + piece.start)
+            _refuse_no_motion(part, extra, first_record + piece.start)
         unpack(part.words, travel[piece].reshape(-1), part.spare, layout.format)
     return Records(travel=travel.astype(np.int16, copy=False), auxiliary=auxiliary)
 
@@ -144,7 +143,7 @@ def first_exit(data: bytes | bytearray | memoryview | Bytes, layout: Layout) -> 
     desk = _Desk(len(records), layout)
     for piece in desk.pieces():
         part = desk.part_of(records[piece])
-        if all_move(part.words, layout.axis_count):
+        if part.all_move:
             continue
         some = moving(part.words, layout.axis_count)
         if part.auxiliary is not None:
@@ -162,7 +161,7 @@ class _Desk:
         self._at_a_time = min(max(PIECE_BYTES // layout.record_bytes, 1), max(count, 1))
         row = -(-self._at_a_time * max(2 * layout.axis_count, ROOM_BYTES) // 64) * 64
         self._rooms = np.empty((4, row), np.uint8)
-        self._part = _Part.of(self._rooms, self._at_a_time, layout)
+        self._part = _Part(self._rooms, self._at_a_time, layout)
 
     def pieces(self) -> Iterator[slice]:
         for start in range(0, self._count, self._at_a_time):
@@ -170,8 +169,8 @@ class _Desk:
 
     def part(self, count: int) -> _Part:
         """For `count` records; what the last one held is lost."""
-        if count != len(self._part.rows):
-            self._part = _Part.of(self._rooms, count, self._layout)
+        if count != self._part.count:
+            self._part = _Part(self._rooms, count, self._layout)
         return self._part
 
     def part_of(self, records: Bytes) -> _Part:
@@ -180,56 +179,53 @@ class _Desk:
         return part
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class _Part:
     """Some records as they stand on the line: their words, and their auxiliary functions, if they are used.
 
-    `rows` are the bytes of the words. `spare` is the first of `rooms`; what stands there is lost.
+    What stands in `spare` and in `room`, which is the same place, is lost. `all_move` is False where it takes `moving`
+    to tell: the first four axes of nearly all records move.
     """
 
-    layout: Layout
-    words: Words
-    rows: Bytes
-    auxiliary: Auxiliary | None
-    spare: Words
-    rooms: Rooms
-
-    @classmethod
-    def of(cls, rooms: Bytes, count: int, layout: Layout) -> _Part:
-        width = 2 * layout.axis_count
-        words, one, other, last = rooms
-        return cls(
-            layout=layout,
-            words=words[: width * count].view("<u2"),
-            rows=words[: width * count].reshape(count, width),
-            auxiliary=last[: 4 * count].view(np.uint32) if layout.uses_auxiliary else None,
-            spare=one[: width * count].view("<u2"),
-            rooms=(one, other),
-        )
+    def __init__(self, rooms: Bytes, count: int, layout: Layout) -> None:
+        self.layout, self.count, self._width = layout, count, 2 * layout.axis_count
+        words, self.room, other, last = rooms
+        flat = words[: self._width * count]
+        self.words: Words = flat.view("<u2")
+        self.spare: Words = self.room[: len(flat)].view("<u2")
+        self._rows = flat.reshape(count, self._width)
+        self._sums = Sums(flat, self._width, (self.room, other))
+        packed, behind = last[: 4 * count], last[4 * count :]
+        self.auxiliary: Auxiliary | None = packed.view(np.uint32) if layout.uses_auxiliary else None
+        self._auxiliary_sums = Sums(packed, 4, (self.room, behind))
+        self.all_move = False
 
     def put(self, records: Bytes) -> None:
         """Travel first: of three axes it goes over what stands behind it."""
-        carry(self.rows, records, self.rows.shape[1], self.rooms[0])
+        self.all_move = carry(self._rows, records, self._width, self.room)
         if self.auxiliary is not None:
             np.copyto(_auxiliary_field(records), self.auxiliary)
-        self._sum(records[:, -1])
+        self._put_check_bytes(records[:, -1])
 
     def take(self, records: Bytes) -> None:
-        carry(records, self.rows, self.rows.shape[1], self.rooms[0])
+        self.all_move = carry(records, self._rows, self._width, self.room)
         if self.auxiliary is not None:
             np.copyto(self.auxiliary, _auxiliary_field(records))
 
     def wrong(self, records: Bytes) -> NDArray[np.bool_]:
         """Which of the `records` that were taken have a wrong check byte or a bit that must be 0."""
         total = np.empty(len(records), np.uint8)
-        self._sum(total)
+        self._put_check_bytes(total)
         wrong: NDArray[np.bool_] = total != records[:, -1]
         if self.layout.format is RecordFormat.SPECIAL and has_odd_byte(self.words, self.auxiliary):
             wrong |= (records[:, :-1] & 1).any(axis=1)
         return wrong
 
-    def _sum(self, into: Bytes) -> None:
-        check_bytes(self.rows, self.auxiliary, self.rooms, into)
+    def _put_check_bytes(self, into: Bytes) -> None:
+        if self.auxiliary is None:
+            np.copyto(into, self._sums.add())
+        else:
+            more = self._auxiliary_sums.add()  # first: it ends outside the rooms in which the other one works
+            np.add(self._sums.add(), more, out=into)
 
 
 def _auxiliary_field(records: Bytes) -> NDArray[np.uint32]:
@@ -314,11 +310,11 @@ def _checked_auxiliary(auxiliary: NDArray[Any], layout: Layout, first_record: in
     return numbers.astype(np.uint32)
 
 
-def _refuse_no_motion(words: Words, layout: Layout, auxiliary: Auxiliary | None, first_record: int) -> None:
+def _refuse_no_motion(part: _Part, auxiliary: Auxiliary | None, first_record: int) -> None:
     """Whether a zero auxiliary function alone leaves the mode is not stated (9.1): it is not sent."""
-    if all_move(words, layout.axis_count):
+    if part.all_move:
         return
-    some = moving(words, layout.axis_count)
+    some = moving(part.words, part.layout.axis_count)
     if auxiliary is not None:
         some |= auxiliary > np.uint32(SIGNIFICANT)
     if not some.all():

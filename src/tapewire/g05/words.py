@@ -8,7 +8,8 @@ every computer.
 
 from __future__ import annotations
 
-from functools import reduce
+from collections.abc import Callable
+from functools import partial, reduce
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -21,10 +22,9 @@ __all__ = [
     "Auxiliary",
     "Bytes",
     "Rooms",
+    "Sums",
     "Words",
-    "all_move",
     "carry",
-    "check_bytes",
     "has_odd_byte",
     "moving",
     "pack",
@@ -47,24 +47,30 @@ _WIDE: Final = 32
 _SEVEN_BITS: Final = (0x7F, 0x7F << 7, 0x7F << 14, 0x3F << 21)
 
 
-def carry(source: Bytes, into: Bytes, width: int, room: Bytes) -> None:
+def carry(source: Bytes, into: Bytes, width: int, room: Bytes) -> bool:
     """The first `width` bytes of every row of `source` to every row of `into`, whose rows may be longer or shorter.
 
     Eight bytes of all rows at a time, the last eight as far as need be over those before. numpy is quick from or to
     numbers without a gap, but not between two arrays with gaps of an odd length. Of rows of six bytes eight are taken,
     too: two too many of each, which the next row overwrites, and the last row therefore goes by itself.
+
+    Returns whether the first eight bytes, if there are as many, are other than 0 in every row.
     """
-    if width >= _WIDE:
-        into[:, :width] = source[:, :width]
-        return
-    size = min(width, 8) if width != 6 else 8
+    size = 8 if width > 4 else width
     count = len(source) - (size > width)
     between = room[: count * size].view(f"<u{size}")
-    last = max(width - 8, 0)
-    for begin in (*range(0, last, 8), last):
-        np.copyto(between, _column(source, begin, between))
-        np.copyto(_column(into, begin, between), between)
-    into[count:, :width] = source[count:, :width]
+    if width < _WIDE:
+        last = max(width - 8, 0)
+        for begin in (last, *reversed(range(0, last, 8))):
+            np.copyto(between, _column(source, begin, between))
+            np.copyto(_column(into, begin, between), between)
+        into[count:, :width] = source[count:, :width]
+    else:
+        into[:, :width] = source[:, :width]
+        np.copyto(between, _column(source, 0, between))
+    if size > width:
+        np.bitwise_and(between, (1 << 8 * width) - 1, out=between)
+    return bool(between.min(initial=1)) and bool(source[-1, :width].any())
 
 
 def _column(rows: Bytes, begin: int, like: NDArray[np.uint64]) -> NDArray[np.uint64]:
@@ -95,40 +101,42 @@ def unpack(words: Words, numbers: NDArray[np.int16], spare: Words, form: RecordF
     np.right_shift(words.view("<i2"), 2, out=numbers)
 
 
-def check_bytes(rows: Bytes, auxiliary: Auxiliary | None, rooms: Rooms, into: Bytes) -> None:
-    """Of records whose words are `rows`: the sum of all their bytes, modulo 256. `auxiliary` is packed."""
-    more = None if auxiliary is None else _sums(auxiliary.view(np.uint8), 4, rooms).copy()
-    total = _sums(rows.reshape(-1), rows.shape[1], rooms)
-    if more is None:
-        np.copyto(into, total)
-    else:
-        np.add(total, more, out=into)
+class Sums:
+    """Sums of the bytes of every `width` in `data`, an even number, modulo 256, as `data` stand when `add` is called.
 
-
-def _sums(data: Bytes, width: int, rooms: Rooms) -> Bytes:
-    """Of the bytes of every `width`, an even number. The answer stands in one of the rooms.
-
-    As long as the width is even every byte is added to the next one and every other sum kept. Then come the sums of
-    all neighbours, twice as many a step and one more where the odd width asks for it, of which one a record counts.
+    All views are made here, since they cost as much as the adding: as long as the width is even every byte is added to
+    the next one and every other sum kept. Then come the sums of all neighbours, twice as many a step and one more where
+    the odd width asks for it, of which one of every `width` counts. `total` stands in one of the rooms.
     """
-    sums_room, half_room = rooms
-    while width % 2 == 0:
-        pairs = sums_room[: len(data)]
-        np.add(data[:-1], data[1:], out=pairs[:-1])
-        data, width = half_room[: len(data) // 2], width // 2
-        np.copyto(data, pairs.view("<u2"), casting="unsafe")
-    here, there = sums_room, half_room[len(data) :]
-    run, taken = data, 1
-    for digit in f"{width:b}"[1:]:
-        longer = here[: len(run) - taken]
-        np.add(run[:-taken], run[taken:], out=longer)
-        run, taken = longer, 2 * taken
-        if digit == "1":
-            run = run[:-1]
-            np.add(run, data[taken:], out=run)
-            taken += 1
-        here, there = there, here
-    return run[::width]
+
+    def __init__(self, data: Bytes, width: int, rooms: Rooms) -> None:
+        self._steps: list[tuple[Callable[..., object], tuple[Bytes, ...]]] = []
+        sums_room, half_room = rooms
+        while width % 2 == 0:
+            pairs = sums_room[: len(data)]
+            self._steps.append((np.add, (data[:-1], data[1:], pairs[:-1])))
+            data, width = half_room[: len(data) // 2], width // 2
+            self._steps.append((_keep_low_bytes, (data, pairs.view("<u2"))))
+        here, there = sums_room, half_room[len(data) :]
+        run, taken = data, 1
+        for digit in f"{width:b}"[1:]:
+            longer = here[: len(run) - taken]
+            self._steps.append((np.add, (run[:-taken], run[taken:], longer)))
+            run, taken = longer, 2 * taken
+            if digit == "1":
+                run = run[:-1]
+                self._steps.append((np.add, (run, data[taken:], run)))
+                taken += 1
+            here, there = there, here
+        self.total: Final = run[::width]
+
+    def add(self) -> Bytes:
+        for step, arrays in self._steps:
+            step(*arrays)
+        return self.total
+
+
+_keep_low_bytes: Final = partial(np.copyto, casting="unsafe")
 
 
 def has_odd_byte(words: Words, auxiliary: Auxiliary | None) -> bool:
@@ -136,15 +144,6 @@ def has_odd_byte(words: Words, auxiliary: Auxiliary | None) -> bool:
     if auxiliary is not None:
         odd |= int(np.bitwise_or.reduce(auxiliary)) & 0x01010101
     return bool(odd)
-
-
-def all_move(words: Words, axis_count: int) -> bool:
-    """False where it takes `moving` to tell: hardly ever, as long as no two words side by side are 0.
-
-    A record without travel holds a number of two, four or eight bytes that is 0, wherever it begins.
-    """
-    size = 1 if axis_count == 1 else 2 if axis_count < 7 else 4
-    return bool(words[: len(words) // size * size].view(f"<u{2 * size}").min())
 
 
 def moving(words: Words, axis_count: int) -> NDArray[np.bool_]:
@@ -157,21 +156,20 @@ def pack_auxiliary(auxiliary: Auxiliary, packed: Auxiliary, room: Bytes, form: R
     """Auxiliary functions to numbers whose highest byte the line carries first.
 
     In the special format the data are four times seven bits, each a place higher than in the one below, and the bit
-    that says whether they are significant is the highest of all. First all data go up by one, then the upper fourteen
-    by two, then the upper seven of either fourteen by one: bits go up by one or two as they are added once or thrice.
+    that says whether they are significant is the highest of all. First the upper fourteen go up by two, then the upper
+    seven of either fourteen by one, then all by one: bits go up by one or two as they are added once or three times.
     """
     if form is RecordFormat.GENERAL:
         np.copyto(packed, auxiliary)
         return
     part = room[: packed.nbytes].view(np.uint32)
-    np.add(auxiliary, auxiliary, out=packed)
-    np.bitwise_and(packed, 0x3FFF << 15, out=part)
+    np.bitwise_and(auxiliary, 0x3FFF << 14, out=part)
     np.multiply(part, 3, out=part)
+    np.add(auxiliary, part, out=packed)
+    np.bitwise_and(packed, 0x3F803F80, out=part)
     np.add(packed, part, out=packed)
-    np.bitwise_and(packed, 0x7F007F00, out=part)
+    np.bitwise_and(packed, SIGNIFICANT - 1, out=part)
     np.add(packed, part, out=packed)
-    np.bitwise_and(auxiliary, SIGNIFICANT, out=part)
-    np.bitwise_or(packed, part, out=packed)
 
 
 def unpack_auxiliary(packed: Auxiliary, form: RecordFormat) -> Auxiliary:
