@@ -87,7 +87,7 @@ def encode(
             raise _out_of_range(numbers, layout, first)
         part = desk.part(len(numbers))
         pack(numbers.reshape(-1), part.words, part.spare, layout.format)
-        if extra is not None and part.auxiliary is not None:
+        if extra is not None:
             pack_auxiliary(extra, part.auxiliary, part.room, layout.format)
         part.put(records[piece])
         _refuse_no_motion(part, extra, first)
@@ -118,7 +118,7 @@ def _decoded(data: bytes | bytearray | memoryview | Bytes, layout: Layout, first
         part = desk.part_of(records[piece])
         if first_record is not None:
             _refuse_wrong(part, records[piece], first_record + piece.start)
-        if auxiliary is not None and part.auxiliary is not None:
+        if auxiliary is not None:
             auxiliary[piece] = unpack_auxiliary(part.auxiliary, layout.format)
         if first_record is not None:
             extra = None if auxiliary is None else auxiliary[piece]
@@ -146,7 +146,7 @@ def first_exit(data: bytes | bytearray | memoryview | Bytes, layout: Layout) -> 
         if part.all_move:
             continue
         some = moving(part.words, layout.axis_count)
-        if part.auxiliary is not None:
+        if layout.uses_auxiliary:
             some |= part.auxiliary != 0
         if not some.all():
             return int(piece.start) + int(np.argmin(some))
@@ -180,7 +180,7 @@ class _Desk:
 
 
 class _Part:
-    """Some records as they stand on the line: their words, and their auxiliary functions, if they are used.
+    """Some records as they stand on the line: their words, and their auxiliary functions, none if they are not used.
 
     What stands in `spare` and in `room`, which is the same place, is lost. `all_move` is False where it takes `moving`
     to tell: the first four axes of nearly all records move.
@@ -194,21 +194,21 @@ class _Part:
         self.spare: Words = self.room[: len(flat)].view("<u2")
         self._rows = flat.reshape(count, self._width)
         self._sums = Sums(flat, self._width, (self.room, other))
-        packed, behind = last[: 4 * count], last[4 * count :]
-        self.auxiliary: Auxiliary | None = packed.view(np.uint32) if layout.uses_auxiliary else None
-        self._auxiliary_sums = Sums(packed, 4, (self.room, behind))
+        size = 4 * count if layout.uses_auxiliary else 0
+        self.auxiliary: Auxiliary = last[:size].view(np.uint32)
+        self._auxiliary_sums = Sums(last[:size], 4, (self.room, last[size:]))
         self.all_move = False
 
     def put(self, records: Bytes) -> None:
         """Travel first: of three axes it goes over what stands behind it."""
         self.all_move = carry(self._rows, records, self._width, self.room)
-        if self.auxiliary is not None:
+        if self.layout.uses_auxiliary:
             np.copyto(_auxiliary_field(records), self.auxiliary)
         self._put_check_bytes(records[:, -1])
 
     def take(self, records: Bytes) -> None:
         self.all_move = carry(records, self._rows, self._width, self.room)
-        if self.auxiliary is not None:
+        if self.layout.uses_auxiliary:
             np.copyto(self.auxiliary, _auxiliary_field(records))
 
     def wrong(self, records: Bytes) -> NDArray[np.bool_]:
@@ -216,16 +216,16 @@ class _Part:
         total = np.empty(len(records), np.uint8)
         self._put_check_bytes(total)
         wrong: NDArray[np.bool_] = total != records[:, -1]
-        if self.layout.format is RecordFormat.SPECIAL and has_odd_byte(self.words, self.auxiliary):
+        if self.layout.format is RecordFormat.SPECIAL and (has_odd_byte(self.words) or has_odd_byte(self.auxiliary)):
             wrong |= (records[:, :-1] & 1).any(axis=1)
         return wrong
 
     def _put_check_bytes(self, into: Bytes) -> None:
-        if self.auxiliary is None:
-            np.copyto(into, self._sums.add())
-        else:
+        if self.layout.uses_auxiliary:
             more = self._auxiliary_sums.add()  # first: it ends outside the rooms in which the other one works
             np.add(self._sums.add(), more, out=into)
+        else:
+            np.copyto(into, self._sums.add())
 
 
 def _auxiliary_field(records: Bytes) -> NDArray[np.uint32]:

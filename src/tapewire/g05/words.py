@@ -1,8 +1,8 @@
 """Words of many records, one record behind the other, so that numpy works on all of them at once.
 
-A word of sixteen bits is the same wherever it stands, so packing and unpacking look at no record, and neither does the
-sum of neighbouring bytes. What looks at records is `carry`, between words and records on the line. Nothing here takes
-memory for what it makes: rooms as long as the words are handed in and their content is lost. Words are little-endian on
+A word of sixteen bits is the same wherever it stands, so packing and unpacking look at no record, and neither do sums
+of neighbouring bytes. What looks at records is `carry`, between words and records on the line. To take memory costs as
+much as to work on it: rooms as long as the words are handed in, and what they hold is lost. Words are little-endian on
 every computer.
 """
 
@@ -104,9 +104,9 @@ def unpack(words: Words, numbers: NDArray[np.int16], spare: Words, form: RecordF
 class Sums:
     """Sums of the bytes of every `width` in `data`, an even number, modulo 256, as `data` stand when `add` is called.
 
-    All views are made here, since they cost as much as the adding: as long as the width is even every byte is added to
-    the next one and every other sum kept. Then come the sums of all neighbours, twice as many a step and one more where
-    the odd width asks for it, of which one of every `width` counts. `total` stands in one of the rooms.
+    All steps are made ready here: that takes as long as a step on a few thousand records. As long as the width is even
+    every byte is added to the next one and every other sum kept. Then come the sums of all neighbours, twice as many a
+    step and one more where the odd width asks for it, of which one of every `width` counts. `total` stands in a room.
     """
 
     def __init__(self, data: Bytes, width: int, rooms: Rooms) -> None:
@@ -139,11 +139,8 @@ class Sums:
 _keep_low_bytes: Final = partial(np.copyto, casting="unsafe")
 
 
-def has_odd_byte(words: Words, auxiliary: Auxiliary | None) -> bool:
-    odd = int(np.bitwise_or.reduce(words)) & 0x0101
-    if auxiliary is not None:
-        odd |= int(np.bitwise_or.reduce(auxiliary)) & 0x01010101
-    return bool(odd)
+def has_odd_byte(words: Words | Auxiliary) -> bool:
+    return bool(int(np.bitwise_or.reduce(words)) & 0x01010101)
 
 
 def moving(words: Words, axis_count: int) -> NDArray[np.bool_]:
