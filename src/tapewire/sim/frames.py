@@ -16,8 +16,10 @@ __all__ = [
     "ends_with_nak",
     "ends_with_stop",
     "forged_records",
+    "is_monitor",
     "last_codes",
     "rest_fits",
+    "right_packet",
     "text_of",
 ]
 
@@ -54,6 +56,12 @@ def _packets(brought: bytes, sent: bytes, length: int) -> bool:
         if right and brought[first : end + 1] not in sent:
             return True
     return False
+
+
+def right_packet(packet: bytes, length: int) -> bool:
+    """A data packet of `length` characters, its sum and its end code right (5.2)."""
+    right = len(packet) == length and packet[-1] == 0x0D
+    return right and _digits(packet[-3:-1]) == sum(packet[:-3]) & 0xFF
 
 
 def _digits(digits: bytes) -> int | None:
@@ -130,7 +138,7 @@ def last_codes(data: bytes, codes: frozenset[int]) -> bytes:
 def ends_with_stop(brought: bytes) -> bool:
     """The last monitor packet of expansion A is DC3 (5.3), whatever noise came behind it."""
     packets = (brought[at : at + 5] for at in range(len(brought) - 5, -1, -1))
-    return next((packet[0] & 0x7F == 0x13 for packet in packets if _is_monitor(packet)), False)
+    return next((packet[0] & 0x7F == 0x13 for packet in packets if is_monitor(packet)), False)
 
 
 _CAN: Final = 0x18
@@ -139,11 +147,11 @@ _CAN: Final = 0x18
 def ends_with_nak(sent: bytes, number: int) -> bool:
     """The last monitor packet of expansion A but CAN is NAK, for the packets that bear `number`, 0 to 9 (5.3)."""
     packets = (sent[at : at + 5] for at in range(len(sent) - 5, -1, -1))
-    last = next((packet for packet in packets if _is_monitor(packet) and packet[0] & 0x7F != _CAN), b"")
+    last = next((packet for packet in packets if is_monitor(packet) and packet[0] & 0x7F != _CAN), b"")
     return bool(last) and last[0] & 0x7F == 0x15 and last[1] == 0x30 + number
 
 
-def _is_monitor(packet: bytes) -> bool:
+def is_monitor(packet: bytes) -> bool:
     """5.3: a code, No. or filler, the sum in two digits, the end code. What the sum covers is not stated."""
     named = packet[0] & 0x7F in b"\x11\x13\x15\x18" and packet[4] & 0x7F == 0x0D
     return named and _digits(packet[2:4]) in (sum(packet[:2]) & 0xFF, (sum(packet[:2]) + packet[4]) & 0xFF)

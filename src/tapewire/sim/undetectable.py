@@ -27,7 +27,7 @@ from tapewire.sim.frames import (
 )
 from tapewire.sim.names import Undetectable
 from tapewire.sim.scenarios import Act, Direction, Scenario
-from tapewire.sim.unnumbered import lost_packets, went_round
+from tapewire.sim.unnumbered import lost_packets, packets_n, went_round
 from tapewire.sim.unposted import (
     CLOSING,
     LEAVING,
@@ -193,8 +193,7 @@ class Excuses:
 
     @property
     def _n(self) -> int:
-        """Of the packets; 0 is protocol A."""
-        return int(self._scenario.settings.host.get("n", "4")) if "expansion" in self._scenario.protocol else 0
+        return packets_n(self._scenario)
 
     def _content_linked(self, attempt: Attempt) -> str:
         cnc = self._scenario.settings.cnc
