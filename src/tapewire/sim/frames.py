@@ -5,7 +5,7 @@ Written from the manuals, not with the engines' readers: an engine that forgets 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import accumulate
 from typing import Final
 
@@ -25,6 +25,9 @@ __all__ = [
 
 _HEX: Final = {bytes((digit,)): value for value, digit in enumerate(b"0123456789ABCDEF")}
 _LRC_XOR_BITS: Final = 0x7F
+
+MOST_BEFORE: Final = 4
+"""Characters in front of a record that are none of it: every place where one may begin fits by chance once in 128."""
 
 
 def cancelled_sums(sent: Sequence[bytes], brought: bytes, n: int) -> bool:
@@ -75,14 +78,23 @@ def forged_records(sent: bytes, brought: bytes, lrc: str, ends: frozenset[int]) 
     """Some record of DNC LINK was brought that was not sent, its check character right (2.2). `ends` end a record."""
     sent, brought = bytes(byte & 0x7F for byte in sent), bytes(byte & 0x7F for byte in brought)
     places = [at for at, byte in enumerate(brought[:-1]) if byte in ends]
-    # The answer to the name, one character, stands before the first record.
-    starts = [0, 1, *(end + 2 for end in places)]
+    starts = [start for begins in (0, *(end + 2 for end in places)) for start in _behind_codes(brought, begins)]
     for end in places:
         for start in starts:
             right = 0 <= end - start <= 256 and _check(brought[start:end], brought[end], lrc) == brought[end + 1]
             if right and brought[start : end + 2] not in sent:
                 return True
     return False
+
+
+def _behind_codes(brought: bytes, begins: int) -> Iterator[int]:
+    """Where a record may begin that stands behind another, or first of all: at once, or behind what is no text. Those
+    are the answers to DC2, the XOFF that closes a name (`closing_dc3`), and blank tape.
+    """
+    for start in range(begins, begins + MOST_BEFORE + 1):
+        yield start
+        if text_of(brought[start : start + 1]):
+            return
 
 
 def ends_record(sent: bytes, ends: frozenset[int]) -> bool:
