@@ -150,3 +150,18 @@ def test_what_is_blank_tape_by_a_flip_is_missing(protocol: str, arrived: bytes, 
 def test_a_code_that_came_as_a_character_is_one_more(sent: bytes, arrived: bytes, surplus: int, excused: bool) -> None:
     evidence, excuses = case("bridgeport", cnc={"mode": "L"}, place=len(PROGRAM) + 1, sent=sent, arrived=(arrived,))
     assert (excuses.more(evidence.attempts, surplus) == Undetectable.FLIP) is excused
+
+
+@pytest.mark.parametrize(
+    ("taken", "closing_dc3", "excused"), [(b"K\x13", "on", True), (b"K\x13", "off", False), (b"K\x13\x13", "on", False)]
+)
+def test_the_dc3_that_closes_a_name_is_text_where_noise_has_begun_one(
+    taken: bytes, closing_dc3: str, excused: bool
+) -> None:
+    """Given up at the host, with nothing of the program sent."""
+    evidence, excuses = case(
+        "bridgeport", host={"closing_dc3": closing_dc3}, cnc={"mode": "L"}, **{**NOTHING, "arrived": (b"K",)}
+    )
+    attempt = evidence.attempts[0]
+    attempt.delivered[:], attempt.got = taken, len(taken)
+    assert (excuses.more(evidence.attempts, len(taken)) == Undetectable.READ_AS_TEXT) is excused

@@ -334,7 +334,12 @@ class Excuses:
         return count if answered else 0
 
     def _answers(self, attempt: Attempt) -> int:
-        return answered_unasked(self._evidence, attempt, self._unseen(Wire.FROM_CONTROL), self._codes)
+        """Codes of the host that may be read as text. Behind a character that noise made also the DC3 by which it
+        closes a name, as the text has begun.
+        """
+        unasked = answered_unasked(self._evidence, attempt, self._unseen(Wire.FROM_CONTROL), self._codes)
+        closes = self._scenario.settings.host.get("closing_dc3") == "on"
+        return unasked + (closes and any(not hit.place for hit in self._makers(attempt)))
 
     def out_of_nothing(self, attempt: Attempt) -> str:
         """Something of a program that was not armed came."""
