@@ -138,15 +138,10 @@ class Excuses:
 
     def _host_is_faithful(self, attempt: Attempt, wrong: int) -> bool:
         """What it handed over from the start of the attempt on is the program, as far as that matters."""
-        sent = text_of(self._handed_over(attempt))
+        sent = text_of(self._evidence.handed_over(attempt, attempt.place))
         program = text_of(self._evidence.program)
         differs = first_difference(sent[: len(program)], program)
         return differs is None or differs > wrong + self._frame
-
-    def _handed_over(self, attempt: Attempt) -> bytes:
-        """By the host, until the next attempt began."""
-        later = [other.place for other in self._evidence.attempts if other.began > attempt.began]
-        return bytes(self._evidence.host.sent[attempt.place : min(later, default=None)])
 
     def _receiver_is_faithful(self, attempt: Attempt, got: bytes) -> bool:
         """What came out of it had come in."""
@@ -421,7 +416,7 @@ class Excuses:
         return resume or (self._is_b and announcement_was_hit(self._evidence, wait))
 
     def _eor_came_otherwise(self, attempt: Attempt) -> bool:
-        sent = len(self._handed_over(attempt))
+        sent = len(self._evidence.handed_over(attempt, attempt.place))
         return eor_came_otherwise(self._scenario, self._evidence, attempt, sent, self._unseen(Wire.FROM_HOST))
 
     def _last_was_hit(self, wait: Wait) -> bool:
@@ -435,7 +430,7 @@ class Excuses:
         if self._is_a or self._is_b or not self._sends or attempt is None:
             return False
         hit = any(self._says_its_name(damage.moment, attempt) for damage in evidence.on(Wire.FROM_CONTROL))
-        return hit and not text_of(self._handed_over(attempt))
+        return hit and not text_of(self._evidence.handed_over(attempt, attempt.place))
 
     def _touched(self, job: Job) -> bool:
         """Something happened to what the control says, marked or not."""
