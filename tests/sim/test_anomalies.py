@@ -1,5 +1,5 @@
 """Anomaly loops: the first, second, third ... character of a short dialogue goes wrong, then each edge of a control
-line, then each time the host wakes, until a run ends with nothing gone wrong any more.
+line, then each time an end wakes, until a run ends with nothing gone wrong any more.
 
 Every operation that a protocol has, in the directions it has. Where a handshake is long, each character goes wrong in
 one of three ways; tests/protocols/fanuc_a/test_faults.py has each of them lost and flipped.
@@ -13,13 +13,14 @@ from typing import TypeAlias
 import pytest
 
 from tapewire.codes import DataCode
-from tapewire.engine import SECOND, Nanos
+from tapewire.engine import MILLISECOND, SECOND, Nanos
 from tapewire.line.faults.plan import (
     DoubleCharacter,
     FaultPlan,
     FlipBits,
     HoldSignal,
     Level,
+    LineEnd,
     Lose,
     Nth,
     Signal,
@@ -52,6 +53,9 @@ OPERATIONS = {
     "bridgeport, save without a name": ("bridgeport", Direction.RECEIVE, {}, {"program": "-1"}),
 }
 """Protocol, direction, settings of the host and of the control."""
+
+STALLS = {LineEnd.HOST: 3 * SECOND, LineEnd.CONTROL: 300 * MILLISECOND}
+"""A control that is busy for longer may run into a limit of its host: not complete, and told so."""
 
 LONG = ("fanuc-a", "fanuc-a-expansion")
 
@@ -127,21 +131,23 @@ def test_every_edge_of_a_control_line_is_held_once(name: str, signal: Signal, wi
     raise AssertionError(f"{name} has no end of edges")
 
 
+@pytest.mark.parametrize("end", LineEnd)
 @pytest.mark.parametrize("name", OPERATIONS)
-def test_the_host_stalls_once_at_every_wake_up(name: str) -> None:
-    """Its timers are late, and what came meanwhile comes at once. A control is no computer, and never late."""
+def test_an_end_stalls_once_at_every_wake_up(name: str, end: LineEnd) -> None:
+    """Its timers are late, and what came meanwhile comes at once."""
     clean = FaultPlan(name="none", why="nothing but a stall")
     for number in range(1, MOST):
         trial = Trial(scenario(name, parity=True), clean)
-        side, wakes = trial.pair.host_side, 0
+        side = trial.pair.host_side if end is LineEnd.HOST else trial.pair.cnc_side
+        wakes = 0
 
         def late() -> Nanos:
             nonlocal wakes
             wakes += 1
-            return 3 * SECOND if wakes == number else 0  # noqa: B023
+            return STALLS[end] if wakes == number else 0  # noqa: B023
 
         side.late = late
-        assert complaints(trial, f"{name}: stall at wake-up {number}") == []
+        assert complaints(trial, f"{name}: stall of {end} at wake-up {number}") == []
         if wakes < number:
             return
     raise AssertionError(f"{name} has no end of wake-ups")

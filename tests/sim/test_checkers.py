@@ -70,6 +70,8 @@ def test_the_first_record_stands_behind_the_answer_to_the_name() -> None:
     twice = record.replace(b"10X1", b"30X3")
     assert not forged_records(b"\x11" + record, b"\x11" + record, "xor7_etb", ENDS)
     assert forged_records(b"\x11" + record, b"\x11" + twice, "xor7_etb", ENDS)
+    for before, found in ((b"\x11\x13", True), (b"\x00\x11\x7f\x13", True), (b"X", False), (b"\x11X", False)):
+        assert forged_records(before + record, before + twice, "xor7_etb", ENDS) is found
 
 
 @pytest.mark.parametrize(("got", "where"), [(b"", None), (b"AB", None), (b"AX", 1), (b"ABCD", 3)])

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from tapewire.line.faults.plan import Wire
+from tapewire.protocols.fanuc_a.packets import Monitor, encode_monitor, encode_packet
+from tapewire.sim.evidence import Damage, Evidence
 from tapewire.sim.undetectable import first_difference
+from tapewire.sim.unnumbered import never_repeated
 from tests.sim.test_undetectable import case
 
 
@@ -52,3 +56,46 @@ def test_a_nak_for_the_packet_ten_before(missing: int, lost: int, nak: bytes, ex
     attempt.got = 8 * 1024
     evidence.cnc.sent += nak
     assert bool(excuses.less(evidence.attempts, evidence.jobs[0], missing)) is excused
+
+
+LONE_END = encode_packet(0xFF, b"%\nO1\nM30\n%".ljust(256), 1)
+EFFECTIVE = encode_packet(0x30, b"N1 X1\n".ljust(256), 1)
+INVALID = encode_packet(0x00, bytes(256), 1)
+SET = b"0CSET\r"
+
+
+@pytest.mark.parametrize(
+    ("before", "hit", "behind", "at", "never"),
+    [
+        (SET, LONE_END, b"", 0, True),
+        (SET, LONE_END, b"", 1, False),
+        (SET, LONE_END, b"", 258, False),
+        (SET + EFFECTIVE, LONE_END, b"", 0, True),
+        (SET, EFFECTIVE, LONE_END, 0, False),
+        (SET, EFFECTIVE, LONE_END, 100, False),
+        (SET, INVALID, LONE_END, 100, True),
+        (SET, INVALID, INVALID + LONE_END, 0, True),
+        (SET, INVALID, EFFECTIVE + LONE_END, 100, False),
+        (SET, INVALID, b"", 100, False),
+        (b"", SET, LONE_END, 3, False),
+    ],
+)
+def test_what_makes_the_control_pass_over_a_good_end_packet(
+    before: bytes, hit: bytes, behind: bytes, at: int, never: bool
+) -> None:
+    """5.2 2): behind a bad packet that may have been an effective one, FFh is stale, and nothing draws it again."""
+    evidence = Evidence(program=b"%", expected=b"%")
+    evidence.host.sent += before + hit + behind
+    seen = Damage(0, "bit flip", Wire.FROM_HOST, len(before) + at + 1, hit[at : at + 1], (b"?",))
+    assert never_repeated(evidence, 1, seen) is never
+    assert not never_repeated(evidence, 0, seen), "protocol A has no packets"
+
+
+@pytest.mark.parametrize(("monitor", "never"), [(Monitor.DC1, True), (Monitor.DC3, False), (Monitor.CAN, False)])
+@pytest.mark.parametrize("at", range(5))
+def test_a_dc1_is_said_once(monitor: Monitor, never: bool, at: int) -> None:
+    evidence = Evidence(program=b"%", expected=b"%")
+    said = encode_monitor(monitor)
+    evidence.cnc.sent += b"ECGTD\r" + said + b"ECGTD\r"
+    hit = Damage(0, "bit flip", Wire.FROM_CONTROL, 7 + at, said[at : at + 1], (b"?",))
+    assert never_repeated(evidence, 1, hit) is never

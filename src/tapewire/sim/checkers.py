@@ -18,6 +18,7 @@ from tapewire.sim.evidence import Attempt, Evidence, Job
 from tapewire.sim.names import Undetectable
 from tapewire.sim.scenarios import Direction, Scenario
 from tapewire.sim.undetectable import Excuses, first_difference
+from tapewire.sim.unnumbered import never_repeated, packets_n
 
 __all__ = ["FOOTPRINT_BYTES", "NO_ENGINE_BREAKS", "Finding", "judge"]
 
@@ -87,6 +88,8 @@ def _must_be_repeated(scenario: Scenario, evidence: Evidence) -> bool:
     one = len(damages) == 1 and damages[0].unseen and len(damages[0].plain) == len(damages[0].sent) == 1
     if one and set(damages[0].sent + damages[0].plain) & _END_CODES:
         # There is no length and no other mark: a message without its end is over when To is (4.1, 4.6 1)).
+        return False
+    if one and never_repeated(evidence, packets_n(scenario), damages[0]):
         return False
     return repeats and one and evidence.left_alone and not evidence.overruns_beyond
 

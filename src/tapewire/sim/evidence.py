@@ -248,6 +248,11 @@ class Evidence:
         """In the time of `job`."""
         return any(outcome in outcomes and job.covers(moment) for moment, outcome in self.control_ends)
 
+    def handed_over(self, attempt: Attempt, since: int) -> bytes:
+        """By the host, from its character `since` on until the attempt behind `attempt` began."""
+        later = [other.place for other in self.attempts if other.began > attempt.began]
+        return bytes(self.host.sent[since : min(later, default=None)])
+
     def happened(self, *whats: str) -> bool:
         return any(what in whats for _, what in self.acts)
 

@@ -5,7 +5,7 @@ Written from the manuals, not with the engines' readers: an engine that forgets 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import accumulate
 from typing import Final
 
@@ -16,13 +16,18 @@ __all__ = [
     "ends_with_nak",
     "ends_with_stop",
     "forged_records",
+    "is_monitor",
     "last_codes",
     "rest_fits",
+    "right_packet",
     "text_of",
 ]
 
 _HEX: Final = {bytes((digit,)): value for value, digit in enumerate(b"0123456789ABCDEF")}
 _LRC_XOR_BITS: Final = 0x7F
+
+MOST_BEFORE: Final = 4
+"""Characters in front of a record that are none of it: every place where one may begin fits by chance once in 128."""
 
 
 def cancelled_sums(sent: Sequence[bytes], brought: bytes, n: int) -> bool:
@@ -56,6 +61,12 @@ def _packets(brought: bytes, sent: bytes, length: int) -> bool:
     return False
 
 
+def right_packet(packet: bytes, length: int) -> bool:
+    """A data packet of `length` characters, its sum and its end code right (5.2)."""
+    right = len(packet) == length and packet[-1] == 0x0D
+    return right and _digits(packet[-3:-1]) == sum(packet[:-3]) & 0xFF
+
+
 def _digits(digits: bytes) -> int | None:
     """ASCII or ISO."""
     values = [_HEX.get(bytes((digit & 0x7F,))) for digit in digits]
@@ -67,14 +78,23 @@ def forged_records(sent: bytes, brought: bytes, lrc: str, ends: frozenset[int]) 
     """Some record of DNC LINK was brought that was not sent, its check character right (2.2). `ends` end a record."""
     sent, brought = bytes(byte & 0x7F for byte in sent), bytes(byte & 0x7F for byte in brought)
     places = [at for at, byte in enumerate(brought[:-1]) if byte in ends]
-    # The answer to the name, one character, stands before the first record.
-    starts = [0, 1, *(end + 2 for end in places)]
+    starts = [start for begins in (0, *(end + 2 for end in places)) for start in _behind_codes(brought, begins)]
     for end in places:
         for start in starts:
             right = 0 <= end - start <= 256 and _check(brought[start:end], brought[end], lrc) == brought[end + 1]
             if right and brought[start : end + 2] not in sent:
                 return True
     return False
+
+
+def _behind_codes(brought: bytes, begins: int) -> Iterator[int]:
+    """Where a record may begin that stands behind another, or first of all: at once, or behind what is no text. Those
+    are the answers to DC2, the XOFF that closes a name (`closing_dc3`), and blank tape.
+    """
+    for start in range(begins, begins + MOST_BEFORE + 1):
+        yield start
+        if text_of(brought[start : start + 1]):
+            return
 
 
 def ends_record(sent: bytes, ends: frozenset[int]) -> bool:
@@ -130,7 +150,7 @@ def last_codes(data: bytes, codes: frozenset[int]) -> bytes:
 def ends_with_stop(brought: bytes) -> bool:
     """The last monitor packet of expansion A is DC3 (5.3), whatever noise came behind it."""
     packets = (brought[at : at + 5] for at in range(len(brought) - 5, -1, -1))
-    return next((packet[0] & 0x7F == 0x13 for packet in packets if _is_monitor(packet)), False)
+    return next((packet[0] & 0x7F == 0x13 for packet in packets if is_monitor(packet)), False)
 
 
 _CAN: Final = 0x18
@@ -139,11 +159,11 @@ _CAN: Final = 0x18
 def ends_with_nak(sent: bytes, number: int) -> bool:
     """The last monitor packet of expansion A but CAN is NAK, for the packets that bear `number`, 0 to 9 (5.3)."""
     packets = (sent[at : at + 5] for at in range(len(sent) - 5, -1, -1))
-    last = next((packet for packet in packets if _is_monitor(packet) and packet[0] & 0x7F != _CAN), b"")
+    last = next((packet for packet in packets if is_monitor(packet) and packet[0] & 0x7F != _CAN), b"")
     return bool(last) and last[0] & 0x7F == 0x15 and last[1] == 0x30 + number
 
 
-def _is_monitor(packet: bytes) -> bool:
+def is_monitor(packet: bytes) -> bool:
     """5.3: a code, No. or filler, the sum in two digits, the end code. What the sum covers is not stated."""
     named = packet[0] & 0x7F in b"\x11\x13\x15\x18" and packet[4] & 0x7F == 0x0D
     return named and _digits(packet[2:4]) in (sum(packet[:2]) & 0xFF, (sum(packet[:2]) + packet[4]) & 0xFF)

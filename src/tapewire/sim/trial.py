@@ -420,7 +420,7 @@ class Trial:
         self.evidence.note_end_fault(fault, now)
         match fault:
             case StepClock(end=LineEnd.HOST, step=step):
-                self._sleep(max(pair.host_side.asleep_until, now + step))
+                self._sleep(now + step)
             case RestartProcess(off=off) if not pair.host_side.off:
                 self._host_dies()
                 pair.kill_host(now)
@@ -437,9 +437,14 @@ class Trial:
                 pass
 
     def _sleep(self, until: Nanos) -> None:
-        """The host's computer does nothing before."""
+        """The host's computer does nothing before. A sleep that falls into another, or comes before the computer that
+        was late has woken from it, is one with it.
+        """
+        sleeps, since = self.evidence.sleeps, self.world.now
+        if sleeps and since <= sleeps[-1][1] + self.scenario.late:
+            since, until = sleeps[-1][0], max(sleeps.pop()[1], until)
         self.pair.host_side.asleep_until = until
-        self.evidence.sleeps.append((self.world.now, until))
+        sleeps.append((since, until))
 
     def _note_cut(self, cut: Cut, wire: Wire) -> None:
         """What was under way counts as sent if something was read of it, and as damaged if that is something else."""

@@ -7,7 +7,6 @@ it. docs/simulator.md says in words what stands here.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable
 from typing import Final
 
@@ -15,19 +14,27 @@ from tapewire.engine import Nanos, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.line.pacing import character_time
 from tapewire.line.paths import PATHS
-from tapewire.protocols.delivery import HEARD_LATE
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job, Wait
 from tapewire.sim.frames import (
     cancelled_sums,
-    ends_record,
     ends_with_stop,
     forged_records,
     rest_fits,
     text_of,
 )
+from tapewire.sim.mistaken import (
+    answered_unasked,
+    beside,
+    end_was_hidden,
+    gained,
+    lost,
+    record_never_came,
+    text_ended_early,
+    while_read,
+)
 from tapewire.sim.names import Undetectable
 from tapewire.sim.scenarios import Act, Direction, Scenario
-from tapewire.sim.unnumbered import lost_packets, went_round
+from tapewire.sim.unnumbered import lost_packets, packets_n, went_round
 from tapewire.sim.unposted import (
     CLOSING,
     LEAVING,
@@ -79,9 +86,11 @@ class Excuses:
         self._data_wire = Wire.FROM_HOST if self._sends else Wire.FROM_CONTROL
         self._frame = 4 if self._is_b else 20
         """Characters a place may be off by the codes between program and wire: DC2, DC3; DC2 again and a name."""
+        self._is_bridgeport = scenario.protocol == "bridgeport"
         cnc = scenario.settings.cnc
         named = cnc.get("program") != "-1"
-        self._linked = scenario.protocol == "bridgeport" and cnc.get("mode", "D") == "D" and named
+        self._linked = self._is_bridgeport and cnc.get("mode", "D") == "D" and named
+        self._loads = self._is_bridgeport and not self._linked and self._sends
         self._codes = scenario.codes
 
     # what happened, and would not have been noticed
@@ -129,15 +138,10 @@ class Excuses:
 
     def _host_is_faithful(self, attempt: Attempt, wrong: int) -> bool:
         """What it handed over from the start of the attempt on is the program, as far as that matters."""
-        sent = text_of(self._handed_over(attempt))
+        sent = text_of(self._evidence.handed_over(attempt, attempt.place))
         program = text_of(self._evidence.program)
         differs = first_difference(sent[: len(program)], program)
         return differs is None or differs > wrong + self._frame
-
-    def _handed_over(self, attempt: Attempt) -> bytes:
-        """By the host, until the next attempt began."""
-        later = [other.place for other in self._evidence.attempts if other.began > attempt.began]
-        return bytes(self._evidence.host.sent[attempt.place : min(later, default=None)])
 
     def _receiver_is_faithful(self, attempt: Attempt, got: bytes) -> bool:
         """What came out of it had come in."""
@@ -193,8 +197,7 @@ class Excuses:
 
     @property
     def _n(self) -> int:
-        """Of the packets; 0 is protocol A."""
-        return int(self._scenario.settings.host.get("n", "4")) if "expansion" in self._scenario.protocol else 0
+        return packets_n(self._scenario)
 
     def _content_linked(self, attempt: Attempt) -> str:
         cnc = self._scenario.settings.cnc
@@ -225,7 +228,7 @@ class Excuses:
         if attempt is not None and (late := self._end_heard_late(attempt, job)):
             return late
         hit = self._name_changed(attempt) or self._codes_hit(Wire.FROM_CONTROL, _BRIDGEPORT_NAME, job)
-        if self._scenario.protocol == "bridgeport" and hit:
+        if self._is_bridgeport and hit:
             return Undetectable.OTHER_NAME
         return self.told_wrongly(job)
 
@@ -266,12 +269,13 @@ class Excuses:
         if dark := self._dark_control(job):
             return dark
         if attempt is not None and not self._is_a:
-            lost = sum(max(0, len(damage.sent) - len(damage.plain)) for damage in self._unseen(Wire.FROM_HOST, job))
-            if 0 < missing <= lost:
+            gone = sum(map(self._lost, self._unseen(Wire.FROM_HOST, job)))
+            if 0 < missing <= gone:
                 return Undetectable.LOST
             if self._eor_came_otherwise(attempt):
                 return Undetectable.EOR
-            if self._text_ended_early(attempt):
+            unseen = self._unseen(Wire.FROM_HOST)
+            if self._loads and text_ended_early(self._evidence, attempt, unseen, self._codes.ends):
                 return Undetectable.FORGED_END
         if attempt is not None and self._is_a:
             wrong = first_difference(bytes(attempt.delivered), self._evidence.expected)
@@ -290,65 +294,65 @@ class Excuses:
         if self._is_a or surplus <= 0:
             return ""
         makers = self._makers(attempt)
-        if surplus <= sum(len(damage.plain) - len(damage.sent) for damage in makers):
+        if surplus <= sum(map(self._gained, makers)):
             return makers[0].name
         return Undetectable.READ_AS_TEXT if surplus <= self._beside_the_program(attempt) else ""
 
-    def _text_ended_early(self, attempt: Attempt) -> bool:
-        """Bridgeport, REMOTE LOAD: noise ended the text, and the control says nothing when it has all of one (3.1)."""
-        if self._is_b or self._linked or not self._sends:
-            return False
-        ends = [ended for ended, outcome in self._evidence.control_ends if outcome is Outcome.COMPLETE]
-        return any(
-            self._codes.ends & (set(damage.plain) - set(damage.sent))
-            and any(attempt.began <= damage.moment <= ended <= damage.moment + HEARD_LATE for ended in ends)
-            for damage in self._unseen(Wire.FROM_HOST)
-        )
-
     def _makers(self, attempt: Attempt) -> list[Damage]:
         """What made characters for the control while it was in this reading."""
-        damages = [damage for damage in self._unseen(Wire.FROM_HOST) if self._while_read(damage.moment, attempt)]
-        return [damage for damage in damages if len(damage.plain) > len(damage.sent)]
+        damages = [damage for damage in self._unseen(Wire.FROM_HOST) if self._while_read(damage, attempt)]
+        return [damage for damage in damages if self._gained(damage)]
+
+    def _gained(self, damage: Damage) -> int:
+        """Characters that the control has more by it."""
+        if self._is_bridgeport:
+            return gained(damage, self._codes)
+        return max(0, len(damage.plain) - len(damage.sent))
+
+    def _lost(self, damage: Damage) -> int:
+        """Characters that it has fewer by it."""
+        if self._is_bridgeport:
+            return lost(damage, self._codes)
+        return max(0, len(damage.sent) - len(damage.plain))
+
+    def _while_read(self, damage: Damage, attempt: Attempt) -> bool:
+        return while_read(self._evidence, damage.moment, attempt)
 
     def _beside_the_program(self, attempt: Attempt) -> int:
         """Bridgeport: so many characters were taken beside those of the program, codes of the host and what was made on
         the wire. The host answered what the control had not said, and that waited for text. 0: it is not so.
         """
-        if self._is_a or self._is_b or not self._sends:
+        if not (self._is_bridgeport and self._sends):
             return 0
-        codes, program = self._codes.all, self._evidence.program
-        answers = sum(
-            bool(codes & (set(damage.sent) | set(damage.plain))) and self._while_read(damage.moment, attempt)
-            for damage in self._unseen(Wire.FROM_CONTROL)
-        )
-        made = Counter(byte & 0x7F for damage in self._makers(attempt) for byte in damage.plain)
-        at = beside = answered = 0
-        for byte in attempt.delivered:
-            if program[at : at + 1] == bytes((byte,)):
-                at += 1
-                continue
-            beside += 1
-            if made[byte & 0x7F]:
-                made[byte & 0x7F] -= 1
-            elif byte in codes:
-                answered += 1
-            else:
-                return 0
-        return beside if 0 < answered <= answers else 0
+        program, made = self._evidence.program, self._makers(attempt)
+        count, answered = beside(attempt, program, made, self._answers(attempt), self._codes)
+        return count if answered else 0
 
-    def _while_read(self, moment: Nanos, attempt: Attempt) -> bool:
-        """The control was in this reading."""
-        ends = [ended for ended, _ in self._evidence.control_ends if ended >= attempt.began]
-        later = [other.began for other in self._evidence.attempts if other.began > attempt.began]
-        until = min(ends + later, default=moment)
-        return attempt.began <= moment <= until
+    def _answers(self, attempt: Attempt) -> int:
+        """Codes of the host that may be read as text. Behind a character that noise made also the DC3 by which it
+        closes a name, as the text has begun.
+        """
+        unasked = answered_unasked(self._evidence, attempt, self._unseen(Wire.FROM_CONTROL), self._codes)
+        closes = self._scenario.settings.host.get("closing_dc3") == "on"
+        return unasked + (closes and any(not hit.place for hit in self._makers(attempt)))
 
     def out_of_nothing(self, attempt: Attempt) -> str:
         """Something of a program that was not armed came."""
-        for damage in self._unseen(Wire.FROM_HOST):
+        unseen = self._unseen(Wire.FROM_HOST)
+        if self._is_bridgeport:
+            return self._text_of_codes(attempt, [hit for hit in unseen if hit.plain and self._while_read(hit, attempt)])
+        for damage in unseen:
             if damage.moment >= attempt.began and not damage.place:
                 return damage.name
         return ""
+
+    def _text_of_codes(self, attempt: Attempt, made: list[Damage]) -> str:
+        """A host that has nothing to send says codes only; they, or what came in their place, were read as text."""
+        answers = self._answers(attempt)
+        count, answered = beside(attempt, b"", made, answers, self._codes)
+        if count < len(attempt.delivered) or attempt.got > sum(len(hit.plain) for hit in made) + answers:
+            return ""
+        return made[0].name if made and not answered else Undetectable.READ_AS_TEXT
 
     def overrun(self, moment: Nanos) -> str:
         """Too many characters came after a stop, on a path that would have stopped; told at `moment`."""
@@ -370,9 +374,7 @@ class Excuses:
             return Undetectable.OVER_AT_HOST
         if self._is_b and alarm_behind(self._scenario, self._evidence, wait):
             return Undetectable.SILENT_ALARM
-        # The last check character was answered, and nothing answers the end code behind it (4.2).
-        hit = [damage for damage in self._evidence.on(Wire.FROM_HOST) if wait.job.covers(damage.moment)]
-        if self._linked and any(self._codes.ends & set(damage.sent) for damage in hit):
+        if self._linked and end_was_hidden(self._evidence, wait, self._codes.ends):
             return Undetectable.END_CODE
         return self.short(wait.attempt, wait.job)
 
@@ -398,7 +400,7 @@ class Excuses:
         lost = (wait.said != wait.heard and self._touched(job)) or self._last_was_hit(wait)
         if lost or self._punch_out_was_hit(wait):
             return Undetectable.CODE
-        if self._record_never_came(wait):
+        if self._linked and self._sends and record_never_came(self._evidence, wait, self._codes.record_ends):
             return Undetectable.NO_RECORD
         if self._name_was_hit(wait):
             return Undetectable.DAMAGED_NAME
@@ -414,7 +416,7 @@ class Excuses:
         return resume or (self._is_b and announcement_was_hit(self._evidence, wait))
 
     def _eor_came_otherwise(self, attempt: Attempt) -> bool:
-        sent = len(self._handed_over(attempt))
+        sent = len(self._evidence.handed_over(attempt, attempt.place))
         return eor_came_otherwise(self._scenario, self._evidence, attempt, sent, self._unseen(Wire.FROM_HOST))
 
     def _last_was_hit(self, wait: Wait) -> bool:
@@ -422,27 +424,13 @@ class Excuses:
         ends = [damage.place + len(damage.sent) - 1 for damage in self._evidence.on(Wire.FROM_CONTROL) if damage.place]
         return wait.last_place in ends and not self._is_a
 
-    def _record_never_came(self, wait: Wait) -> bool:
-        """DNC LINK: what did not even begin cannot be refused, and 4.2 sets no time in which it must begin."""
-        attempt, sent = wait.attempt, bytes(self._evidence.host.sent[: wait.told])
-        if not self._linked or not self._sends or attempt is None:
-            return False
-        begins = len(sent)
-        for damage in reversed(self._evidence.on(Wire.FROM_HOST)):
-            if damage.arrived or damage.place + len(damage.sent) - 1 != begins:
-                break
-            begins = damage.place - 1
-        ends = self._codes.record_ends
-        first = not text_of(sent[attempt.place : begins])
-        return (first or ends_record(sent[:begins], ends)) and ends_record(sent[begins:], ends)
-
     def _name_was_hit(self, wait: Wait) -> bool:
         """Bridgeport: a damaged name is no name, so nothing is sent until the operator asks again."""
         attempt, evidence = wait.attempt, self._evidence
         if self._is_a or self._is_b or not self._sends or attempt is None:
             return False
         hit = any(self._says_its_name(damage.moment, attempt) for damage in evidence.on(Wire.FROM_CONTROL))
-        return hit and not text_of(self._handed_over(attempt))
+        return hit and not text_of(self._evidence.handed_over(attempt, attempt.place))
 
     def _touched(self, job: Job) -> bool:
         """Something happened to what the control says, marked or not."""

@@ -6,12 +6,18 @@ For `undetectable.py`. `n` is that of the packets (5.2); 0 is protocol A, which 
 from __future__ import annotations
 
 from tapewire.line.faults.plan import Wire
-from tapewire.protocols.fanuc_a.packets import packet_bytes
+from tapewire.protocols.fanuc_a.packets import END_NUMBER, NUMBERS, Monitor, packet_bytes
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job
-from tapewire.sim.frames import ends_with_nak
+from tapewire.sim.frames import ends_with_nak, is_monitor, right_packet
 from tapewire.sim.names import Undetectable
+from tapewire.sim.scenarios import Scenario
 
-__all__ = ["lost_packets", "went_round"]
+__all__ = ["lost_packets", "never_repeated", "packets_n", "went_round"]
+
+
+def packets_n(scenario: Scenario) -> int:
+    """256 n bytes of program are in a packet; 0 is protocol A, which has none."""
+    return int(scenario.settings.host.get("n", "4")) if "expansion" in scenario.protocol else 0
 
 
 def lost_packets(evidence: Evidence, n: int, attempt: Attempt, wrong: int) -> str:
@@ -51,6 +57,42 @@ def went_round(evidence: Evidence, n: int, attempt: Attempt, job: Job, missing: 
     asked = ends_with_nak(bytes(evidence.cnc.sent[attempt.heard : until]), wanted)
     lost = _lost([damage for damage in _of_host(evidence, attempt) if job.covers(damage.moment)])
     return whole_rounds and asked and lost > (packets - 1) * length
+
+
+def never_repeated(evidence: Evidence, n: int, damage: Damage) -> bool:
+    """It hit what nobody says again by the rules of the packets, though its sum shows it.
+
+    DC1: the host waits for a monitor packet, and a control that has said DC1 waits for a packet (5.3 4)). And what
+    makes the control pass over a good end packet, as one that was under way behind a bad effective packet would be
+    (5.2 2)): the number of the end packet itself, or an invalid packet right before it, which may have been either.
+    """
+    if not n or not damage.place:
+        return False
+    if damage.wire is Wire.FROM_CONTROL:
+        return _was_restart(bytes(evidence.cnc.sent), damage.place - 1)
+    sent, length = bytes(evidence.host.sent), packet_bytes(n)
+    start = _start_of_packet(sent, length, damage.place - 1)
+    if start is None:
+        return False
+    if sent[start] == END_NUMBER:
+        return start == damage.place - 1
+    while start < len(sent) and sent[start] not in NUMBERS and right_packet(sent[start : start + length], length):
+        if sent[start] == END_NUMBER:
+            return True
+        start += length
+    return False
+
+
+def _start_of_packet(sent: bytes, length: int, at: int) -> int | None:
+    """Of the data packet to which the character `at` belongs."""
+    starts = range(max(0, at - length + 1), at + 1)
+    return next((start for start in starts if right_packet(sent[start : start + length], length)), None)
+
+
+def _was_restart(sent: bytes, at: int) -> bool:
+    """The character `at` of what the control said belongs to DC1."""
+    packets = (sent[start : start + 5] for start in range(max(0, at - 4), at + 1))
+    return any(len(packet) == 5 and packet[0] & 0x7F == Monitor.DC1.value and is_monitor(packet) for packet in packets)
 
 
 def _of_host(evidence: Evidence, attempt: Attempt) -> list[Damage]:

@@ -83,8 +83,7 @@ def forged_start(scenario: Scenario, evidence: Evidence, attempt: Attempt, unsee
         for hit in forged
     )
     gone = bytes(evidence.host.sent[job.place : attempt.place])
-    later = [other.place for other in evidence.attempts if other.began > attempt.began]
-    sent = bytes(evidence.host.sent[job.place : min(later, default=None)])
+    sent = evidence.handed_over(attempt, job.place)
     of_program = evidence.program.startswith(sent[: len(evidence.program)])
     return len(gone) if obeyed and gone and of_program else None
 

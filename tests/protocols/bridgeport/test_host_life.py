@@ -162,6 +162,53 @@ def test_what_is_stored_counts_where_the_control_begins_anew_under_a_pause() -> 
     assert rig.end.bytes_low == len(sink.getvalue()) > 0
 
 
+@pytest.mark.parametrize("length", [9, 38, 64, 65, 500])
+@pytest.mark.parametrize("anew", [True, False])
+def test_1_1_what_is_longer_than_a_name_is_a_program_and_one_without_its_end_is_cut_short(
+    length: int, anew: bool
+) -> None:
+    """The rest of it behind a DC2 out of noise is no program, though its end comes."""
+    rig, sink = Rig(None), BytesIO()
+    rig.host.receive(sink, 0)
+    rig.say(DC2)
+    rig.hear(b"N" * length)
+    if anew:
+        assert rig.say(DC2) == DC1
+    else:
+        rig.wait(31 * SECOND)
+    rig.hear(b"the rest of it\r\n" + EOT).wait(2 * SECOND)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+    assert ("began anew" if anew else "silence") in rig.end.reason
+    assert sink.getvalue() == b"N" * length
+    assert rig.end.bytes_low == rig.end.bytes_high == length
+
+
+@pytest.mark.parametrize("begun", [b"1;", b"123456;L", b"123456;L\r\n", b"N10G0X0Y"])
+def test_1_1_a_name_that_is_begun_anew_is_told_and_fails_nothing(begun: bytes) -> None:
+    rig, sink = Rig(None), BytesIO()
+    rig.host.receive(sink, 0)
+    rig.say(DC2)
+    rig.hear(begun)
+    assert rig.say(DC2) == DC1
+    assert len(rig.of(Violation)) == 1
+    rig.name(b"1;L").say(DC2)
+    rig.hear(P + EOT).wait(2 * SECOND)
+    assert sink.getvalue() == P
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.COMPLETE
+
+
+@pytest.mark.parametrize("length", [9, 500])
+def test_a_cut_program_that_nobody_wants_ends_no_job(length: int) -> None:
+    rig = Rig()
+    rig.say(DC2)
+    rig.hear(b"N" * length)
+    rig.say(DC2)
+    assert rig.end is None
+    assert len(rig.of(Violation)) == 1
+
+
 # what is not of the text: giving up, the line, damaged characters
 
 

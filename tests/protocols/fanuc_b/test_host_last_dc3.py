@@ -63,13 +63,7 @@ def held_with_its_last_bytes(*, posting: str, er: str, rest: int = 0, late: bool
 @pytest.mark.parametrize(("posting", "seconds"), [("on", 0.5), ("off", 0)])
 def test_6_1_1_7_a_second_dc3_behind_the_last_bytes_is_the_end(posting: str, seconds: float) -> None:
     """They were on their way when the first one came, and the control has read EOR with no DC1 between."""
-    rig = Rig(PROGRAM[:8010], posting=posting)
-    rig.see()
-    rig.hear(DC1)
-    rig.take(8000)
-    rig.hand_over(10)
-    rig.hear(DC3)
-    rig.leave()
+    rig = held_with_its_last_bytes(posting=posting, er="shown")
     rig.wait(SECOND)
     rig.hear(DC3)
     rig.wait(round(seconds * SECOND))

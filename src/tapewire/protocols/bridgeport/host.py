@@ -307,6 +307,7 @@ class BridgeportHost(Job):
     def _on_open_write(self, now: Nanos) -> None:
         """A new transaction in any state (1.1, 1.2.2); what it interrupts is over."""
         state = self._state
+        begun = self._break_off() if state is State.RECEIVING else 0
         if state is State.SAVED:
             self._finish_saved(now)
         elif state is State.TAIL and self._end_has_left:
@@ -315,6 +316,8 @@ class BridgeportHost(Job):
             self._end(Outcome.FAILED, "the control began anew before the program was complete", now)
         elif state is State.HOLD:
             self._name = None
+        elif begun:
+            self._events.put(Violation(what=f"the control began anew behind {begun} characters that have no end"))
         self._stop_waiting()
         self._spoilt_name = ""
         self._held = self._pause_told = False
@@ -484,6 +487,7 @@ class BridgeportHost(Job):
             self._start(Timer.TEXT, self._params.text_timeout, now)
             return
         silence = f"silence of {self._params.text_timeout:g} s"
+        self._break_off()
         if self._in_transfer:
             self._end(Outcome.FAILED, f"{silence} inside the program, and no end of it", now)
             return

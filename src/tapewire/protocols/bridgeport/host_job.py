@@ -337,6 +337,14 @@ class Job:
         if count := self._reception.unreported():
             self._events.put(Received(count=count))
 
+    def _break_off(self) -> int:
+        """No end comes to what comes in; of how many characters. What was long enough is a program, and cut short."""
+        reception = self._reception
+        assert reception is not None
+        reception.break_off()
+        self._note_stored()
+        return reception.count
+
     def _finish_saved(self, now: Nanos) -> None:
         assert self._reception is not None
         if self._reception.damage:

@@ -76,6 +76,11 @@ class Reception:
             self._begin_program()
         return None
 
+    def break_off(self) -> None:
+        """No end of it comes any more: what is longer than a name was a program (1.1)."""
+        if not self._is_program and classify(bytes(self._head)) is None:
+            self._begin_program()
+
     def unreported(self) -> int:
         """Bytes stored since the last call."""
         count = self.stored - self._reported

@@ -1,0 +1,167 @@
+"""What excuses a character that the ends of Bridgeport took for another, and what does not."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import pytest
+
+from tapewire.engine import MILLISECOND, SECOND, LineFault, Outcome
+from tapewire.line.faults.plan import Wire
+from tapewire.line.transport import Fault
+from tapewire.sim.evidence import Evidence, Wait
+from tapewire.sim.names import Undetectable
+from tapewire.sim.undetectable import Excuses
+from tests.sim.test_undetectable import PROGRAM, case
+
+RECORD = PROGRAM + b"\x17\x55"
+END = 1 + len(RECORD) + 1
+"""Where the end code stands, counted from 1: the DC1 that answers DC2, the record, and it."""
+BREAK = Fault(fault=LineFault.BREAK, byte=None)
+
+
+def behind_the_end(got: int = len(PROGRAM), **damage: Any) -> str:
+    """The host of a DNC LINK is complete, the control has said ACK and waits; `damage` hit what the host said."""
+    evidence, excuses = case("bridgeport", cnc={"mode": "D"}, **damage)
+    evidence.host.sent[:] = b"\x11" + RECORD + b"\x04"
+    job, attempt = evidence.jobs[0], evidence.attempts[0]
+    job.complete, attempt.got = True, got
+    wait = Wait(who=("control",), job=job, attempt=attempt, said=b"", heard=b"", told=END)
+    return excuses.waiting("control", wait)
+
+
+NOTHING: dict[str, Any] = {"place": 0, "sent": b""}
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"place": END, "sent": b"\x04", "arrived": ()},
+        {"place": END, "sent": b"\x04", "arrived": (b"D",)},
+        {"place": END, "sent": b"\x04", "arrived": (BREAK,)},
+        {"place": END - 2, "sent": b"\x17\x55\x04", "arrived": ()},
+        {"place": END - 1, "sent": b"\x55", "arrived": (b"\x55\x55",)},
+        {**NOTHING, "arrived": (BREAK,), "told": END - 1},
+        {**NOTHING, "arrived": (b"\x17",), "told": END},
+        {**NOTHING, "arrived": (b"X",), "told": END},
+    ],
+)
+def test_an_end_code_is_lost_or_is_a_character_of_a_record_that_noise_began(damage: dict[str, Any]) -> None:
+    assert behind_the_end(**damage) == Undetectable.END_CODE
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {**NOTHING, "arrived": (BREAK,), "told": END - 2},
+        {**NOTHING, "arrived": (BREAK,), "told": END + 1},
+        {**NOTHING, "arrived": (BREAK,), "told": END, "moment": 25 * SECOND},
+        {**NOTHING, "arrived": (BREAK,), "told": END, "wire": Wire.FROM_CONTROL},
+        {"place": END - 2, "sent": b"\x17", "arrived": (BREAK,)},
+        {"place": END, "sent": b"\x04", "arrived": (), "got": len(PROGRAM) - 1},
+    ],
+)
+def test_damage_elsewhere_hides_no_end_code(damage: dict[str, Any]) -> None:
+    assert behind_the_end(**damage) != Undetectable.END_CODE
+
+
+def unarmed(delivered: bytes, got: int | None = None, **damage: Any) -> tuple[Evidence, Excuses]:
+    """A control asks from 10 to 20 s, nothing is armed, and it takes `delivered`."""
+    evidence, excuses = case("bridgeport", cnc={"mode": "L"}, **damage)
+    evidence.attempts[0] = dataclasses.replace(
+        evidence.attempts[0], armed=False, delivered=bytearray(delivered), got=len(delivered) if got is None else got
+    )
+    evidence.control_ends.append((20 * SECOND, Outcome.CANCELLED))
+    return evidence, excuses
+
+
+FORGED: dict[str, Any] = {"wire": Wire.FROM_CONTROL, "place": 0, "sent": b"", "arrived": (b"\x12",)}
+"""A DC2 of nobody: its answer is a DC1."""
+
+
+@pytest.mark.parametrize(
+    ("delivered", "damage", "name"),
+    [
+        (b"\x11", FORGED, Undetectable.READ_AS_TEXT),
+        (b"\x11", {**FORGED, "moment": 10 * SECOND - 50 * MILLISECOND}, Undetectable.READ_AS_TEXT),
+        (b"\x11", {**FORGED, "place": 2, "sent": b"\x12", "arrived": (b"\x12\x12",)}, Undetectable.READ_AS_TEXT),
+        (b"X", {**NOTHING, "arrived": (b"X",)}, Undetectable.OUT_OF_NOTHING),
+        (b"X", {"place": 3, "sent": b"\x13", "arrived": (b"X",)}, Undetectable.FLIP),
+        (b"\x11", {"place": 3, "sent": b"\x11", "arrived": (b"\x11\x11",)}, Undetectable.DOUBLED),
+    ],
+)
+def test_a_host_with_nothing_armed_says_codes_and_they_are_read_as_text(
+    delivered: bytes, damage: dict[str, Any], name: Undetectable
+) -> None:
+    evidence, excuses = unarmed(delivered, **damage)
+    assert excuses.out_of_nothing(evidence.attempts[0]) == name
+
+
+@pytest.mark.parametrize(
+    ("delivered", "got", "damage"),
+    [
+        (b"N", 1, FORGED),
+        (b"\x11\x11", 2, FORGED),
+        (b"\x11", 2, FORGED),
+        (b"\x11", 1, {**FORGED, "moment": 9 * SECOND}),
+        (b"\x11", 1, {**FORGED, "moment": 21 * SECOND}),
+        (b"\x11", 1, {**FORGED, "arrived": (b"X",)}),
+        (b"\x11", 1, {**FORGED, "arrived": (BREAK,)}),
+        (b"X", 2, {**NOTHING, "arrived": (b"X",)}),
+        (b"XN", 2, {**NOTHING, "arrived": (b"X",)}),
+        (b"N", 1, {**NOTHING, "arrived": (b"X",)}),
+        (b"X", 1, {**NOTHING, "arrived": (b"X",), "moment": 21 * SECOND}),
+    ],
+)
+def test_no_more_is_read_as_text_than_was_made_or_answered(delivered: bytes, got: int, damage: dict[str, Any]) -> None:
+    evidence, excuses = unarmed(delivered, got, **damage)
+    assert excuses.out_of_nothing(evidence.attempts[0]) == ""
+
+
+@pytest.mark.parametrize(("slept", "excused"), [((8, 12), True), ((8, 9), False), ((12, 15), False)])
+def test_a_computer_in_its_sleep_answers_later(slept: tuple[int, int], excused: bool) -> None:
+    evidence, excuses = unarmed(b"\x11", **{**FORGED, "moment": 9 * SECOND})
+    evidence.sleeps.append((slept[0] * SECOND, slept[1] * SECOND))
+    assert (excuses.out_of_nothing(evidence.attempts[0]) == Undetectable.READ_AS_TEXT) is excused
+
+
+@pytest.mark.parametrize(
+    ("protocol", "arrived", "missing", "excused"),
+    [
+        ("bridgeport", b"\x00", 1, True),
+        ("bridgeport", b"\xff", 1, True),
+        ("bridgeport", b"\x04", 1, True),
+        ("bridgeport", b"Y", 1, False),
+        ("bridgeport", b"\x00", 2, False),
+        ("fanuc-b", b"\x00", 1, False),
+    ],
+)
+def test_what_is_blank_tape_by_a_flip_is_missing(protocol: str, arrived: bytes, missing: int, excused: bool) -> None:
+    """A control passes NUL and DEL over, and one bit makes NUL of a space."""
+    evidence, excuses = case(protocol, cnc={"mode": "L"} if protocol == "bridgeport" else None, arrived=(arrived,))
+    assert (excuses.less(evidence.attempts, evidence.jobs[0], missing) == Undetectable.LOST) is excused
+
+
+@pytest.mark.parametrize(
+    ("sent", "arrived", "surplus", "excused"),
+    [(b"\x04", b"D", 1, True), (b"\x04", b"D", 2, False), (b"\x04", b"\x00", 1, False), (b"X", b"Y", 1, False)],
+)
+def test_a_code_that_came_as_a_character_is_one_more(sent: bytes, arrived: bytes, surplus: int, excused: bool) -> None:
+    evidence, excuses = case("bridgeport", cnc={"mode": "L"}, place=len(PROGRAM) + 1, sent=sent, arrived=(arrived,))
+    assert (excuses.more(evidence.attempts, surplus) == Undetectable.FLIP) is excused
+
+
+@pytest.mark.parametrize(
+    ("taken", "closing_dc3", "excused"), [(b"K\x13", "on", True), (b"K\x13", "off", False), (b"K\x13\x13", "on", False)]
+)
+def test_the_dc3_that_closes_a_name_is_text_where_noise_has_begun_one(
+    taken: bytes, closing_dc3: str, excused: bool
+) -> None:
+    """Given up at the host, with nothing of the program sent."""
+    evidence, excuses = case(
+        "bridgeport", host={"closing_dc3": closing_dc3}, cnc={"mode": "L"}, **{**NOTHING, "arrived": (b"K",)}
+    )
+    attempt = evidence.attempts[0]
+    attempt.delivered[:], attempt.got = taken, len(taken)
+    assert (excuses.more(evidence.attempts, len(taken)) == Undetectable.READ_AS_TEXT) is excused
