@@ -44,9 +44,8 @@ load and two stores with gaps at 0.4 to 0.6 ns: eight bytes at once, over what t
 check byte. numpy copies from one odd gap to another at 2.7 ns a number, therefore the numbers stand side by side in
 between. An auxiliary function takes eight passes and a store to pack, four to add up. The calls themselves are a tenth:
 about 25 microseconds a piece of 0.4 MB. Tried, slower or no faster: a table of packed words (1.1 ns a word), sums in
-columns or by lanes of eight bytes, larger and smaller pieces, a second thread. More than four axes of which the first four all
-stand still take an extra look, and so do records without travel. Pieces beyond 32 MB are slower by the page faults of
-fresh memory.
+columns or by lanes of eight bytes, larger and smaller pieces, a second thread. With more than four axes it takes an
+extra look when the first four stand still. Pieces beyond 32 MB are slower by the page faults of fresh memory.
 """
 
 
