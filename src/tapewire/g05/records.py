@@ -82,13 +82,14 @@ def encode(
     for piece in desk.pieces():
         first = first_record + piece.start
         numbers = _as_words(travel[piece], layout, first)
-        extra = None if auxiliary is None else _checked_auxiliary(auxiliary[piece], layout, first)
+        part = desk.part(len(numbers))
+        extra = None
+        if auxiliary is not None:
+            extra = _checked_auxiliary(auxiliary[piece], layout, first)
+            pack_auxiliary(extra, part.auxiliary, part.room, layout.format)
         if layout.format is RecordFormat.SPECIAL and not _in_range(numbers, layout):
             raise _out_of_range(numbers, layout, first)
-        part = desk.part(len(numbers))
         pack(numbers.reshape(-1), part.words, part.spare, layout.format)
-        if extra is not None:
-            pack_auxiliary(extra, part.auxiliary, part.room, layout.format)
         part.put(records[piece])
         _refuse_no_motion(part, extra, first)
     return out

@@ -68,7 +68,7 @@ def carry(source: Bytes, into: Bytes, width: int, room: Bytes) -> bool:
     else:
         into[:, :width] = source[:, :width]
         np.copyto(between, _column(source, 0, between))
-    if size > width:
+    if size > width and not between.view("<u4").min(initial=1):  # else the first two words of no row are both 0
         np.bitwise_and(between, (1 << 8 * width) - 1, out=between)
     return bool(between.min(initial=1)) and bool(source[-1, :width].any())
 
