@@ -96,6 +96,7 @@ class FanucBHost(Job):
         """Never obeyed as DC1. While we send, the control says nothing that does not begin with DC3: so it stops us."""
         self._events.put(Violation(what=f"{fault} in what the control sent"))
         self._signs.was_damaged = True
+        self._delivery.may_be_over(now)
         match self._state:
             case State.SENDING:
                 self._state, self._held_by_damage = State.HELD, True
@@ -134,7 +135,7 @@ class FanucBHost(Job):
         elif self._state is State.RECEIVING:
             self._timers.start(Timer.ER_FELL, now + DC4_LATE)
         elif self._may_be_the_end and self._signs.last_dc3_may_follow_er(self._delivery):
-            self._delivery.control_gone(now)
+            self._delivery.may_be_over(now)
             self._timers.start(Timer.ER_FELL, now + self._delivery.heard_late)
         elif self._state in _SENDING or self._state is State.CLOSING:
             self._fail_by_er(now)
