@@ -17,9 +17,9 @@ HEARD_LATE: Final[Nanos] = 100 * MILLISECOND
 had left earlier than that was with the control when it said it."""
 
 
-HEARD_LATE_CHARACTERS: Final = 14
+HEARD_LATE_CHARACTERS: Final = 16
 """On a slow line it takes longer: two codes cross it, a receive FIFO at either end waits four character times for a
-fifth, and what is being said is finished first; at 1200 baud servers and computers add as much as three characters."""
+fifth, and what is being said is finished first; at 1200 baud servers and computers add as much as five characters."""
 
 SLOWEST: Final[Nanos] = 220 * MILLISECOND
 """A character at 50 baud, the least of 5083 (10.2). Slower than that something held the line: not its pace."""
