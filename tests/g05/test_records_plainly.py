@@ -152,18 +152,25 @@ def _orders_of(auxiliary: NDArray[Any]) -> list[NDArray[Any]]:
     return [auxiliary, auxiliary.astype(np.uint32), auxiliary.astype(">u4"), apart[::2]]
 
 
+@pytest.mark.parametrize("axes", [3, 5, 7, 9, 12, 19, 20])
 @pytest.mark.parametrize("at", [0, 18, 19, 20, 38, 39, 40])
-def test_the_last_record_of_a_piece_of_three_axes(at: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Eight bytes of a record of seven are written at once: what stands behind a piece and behind it all stays."""
-    monkeypatch.setattr(records, "PIECE_BYTES", 20 * THREE_AXES.record_bytes)
-    travel = np.full((41, 3), 5)
+def test_the_last_record_of_a_piece(axes: int, at: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """More of a record may be written at once than there is of it: what stands behind a piece and behind all stays."""
+    layout = Layout(axis_count=axes)
+    monkeypatch.setattr(records, "PIECE_BYTES", 20 * layout.record_bytes)
+    travel = np.arange(41 * axes).reshape(41, axes)
     travel[at] = -8192
-    made = encode(travel, THREE_AXES)
-    assert made.tobytes() == plain(travel, THREE_AXES, None)
-    assert np.array_equal(decode(made, THREE_AXES).travel, travel)
+    made = encode(travel, layout)
+    assert made.tobytes() == plain(travel, layout, None)
+    assert np.array_equal(decode(made, layout).travel, travel)
+    for axis in range(axes):
+        travel[at] = 0
+        travel[at, axis] = 1
+        assert encode(travel, layout).tobytes() == plain(travel, layout, None)
     travel[at] = 0
+    assert first_exit(plain(travel, layout, None), layout) == at
     with pytest.raises(ProgramError, match=f"^record {at + 1}: no travel"):
-        encode(travel, THREE_AXES)
+        encode(travel, layout)
 
 
 @pytest.mark.parametrize("size", [1, 30, 1000])

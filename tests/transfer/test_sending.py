@@ -233,9 +233,17 @@ async def test_a_level_stop_after_the_last_byte_is_not_yet_the_end(tmp_path: Pat
 
 
 @pytest.mark.parametrize("posting", ["on", "off"])
-async def test_the_line_may_be_closed_instead_of_the_last_stop(tmp_path: Path, posting: str) -> None:
+async def test_a_line_that_is_closed_behind_the_last_stop_was_read_and_one_without_it_was_not(
+    tmp_path: Path, posting: str
+) -> None:
+    async with feeding(tmp_path, TEXT, settings={"posting": posting}) as job:
+        job.peer.say(DC1)
+        await job.peer.read(len(TEXT))
+        job.peer.say(DC3)
+        job.peer.hang_up()
+        complete(await job.result())
     async with feeding(tmp_path, TEXT, settings={"posting": posting}) as job:
         job.peer.say(DC1)
         await job.peer.read(len(TEXT))
         job.peer.hang_up()
-        complete(await job.result())
+        interrupted(await job.result(), Outcome.FAILED, "the line is gone", TEXT)

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from tapewire.errors import ProgramError, UsageError
 from tapewire.g05.layout import SIGNIFICANT, Layout, RecordFormat
 from tapewire.g05.words import (
-    ROOM_BYTES,
     Auxiliary,
     Bytes,
     Sums,
     Words,
     carry,
     has_odd_byte,
+    lane_bytes,
     moving,
     pack,
     pack_auxiliary,
@@ -82,13 +82,14 @@ def encode(
     for piece in desk.pieces():
         first = first_record + piece.start
         numbers = _as_words(travel[piece], layout, first)
-        extra = None if auxiliary is None else _checked_auxiliary(auxiliary[piece], layout, first)
+        part = desk.part(len(numbers))
+        extra = None
+        if auxiliary is not None:
+            extra = _checked_auxiliary(auxiliary[piece], layout, first)
+            pack_auxiliary(extra, part.auxiliary, part.room, layout.format)
         if layout.format is RecordFormat.SPECIAL and not _in_range(numbers, layout):
             raise _out_of_range(numbers, layout, first)
-        part = desk.part(len(numbers))
         pack(numbers.reshape(-1), part.words, part.spare, layout.format)
-        if extra is not None:
-            pack_auxiliary(extra, part.auxiliary, part.room, layout.format)
         part.put(records[piece])
         _refuse_no_motion(part, extra, first)
     return out
@@ -159,8 +160,9 @@ class _Desk:
     def __init__(self, count: int, layout: Layout) -> None:
         self._count, self._layout = count, layout
         self._at_a_time = min(max(PIECE_BYTES // layout.record_bytes, 1), max(count, 1))
-        row = -(-self._at_a_time * max(2 * layout.axis_count, ROOM_BYTES) // 64) * 64
-        self._rooms = np.empty((4, row), np.uint8)
+        width = 2 * layout.axis_count
+        row = self._at_a_time * max(width, lane_bytes(width), 8 if layout.uses_auxiliary else 0)
+        self._rooms = np.empty((4 if layout.uses_auxiliary else 3, -(-row // 64) * 64), np.uint8)
         self._part = _Part(self._rooms, self._at_a_time, layout)
 
     def pieces(self) -> Iterator[slice]:
@@ -188,7 +190,8 @@ class _Part:
 
     def __init__(self, rooms: Bytes, count: int, layout: Layout) -> None:
         self.layout, self.count, self._width = layout, count, 2 * layout.axis_count
-        words, self.room, other, last = rooms
+        words, self.room, other = rooms[:3]
+        last = rooms[-1]
         flat = words[: self._width * count]
         self.words: Words = flat.view("<u2")
         self.spare: Words = self.room[: len(flat)].view("<u2")

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from tapewire.g05.layout import SIGNIFICANT, RecordFormat
 
 __all__ = [
-    "ROOM_BYTES",
     "Auxiliary",
     "Bytes",
     "Rooms",
@@ -26,6 +25,7 @@ __all__ = [
     "Words",
     "carry",
     "has_odd_byte",
+    "lane_bytes",
     "moving",
     "pack",
     "pack_auxiliary",
@@ -38,44 +38,53 @@ Words: TypeAlias = NDArray[np.uint16]
 Auxiliary: TypeAlias = NDArray[np.uint32]
 Rooms: TypeAlias = tuple[Bytes, Bytes]
 
-ROOM_BYTES: Final = 8
-"""Of a record, that a room holds at least: the widest number that `carry` takes at once."""
-
-_WIDE: Final = 32
+_WIDE: Final = 40
 """Bytes of a record from which on it is quicker to copy records one by one."""
 
 _SEVEN_BITS: Final = (0x7F, 0x7F << 7, 0x7F << 14, 0x3F << 21)
 
 
+def lane_bytes(width: int) -> int:
+    """How much of a row of `width` bytes, an even number, `carry` takes at once: 2, 4, 8 or 16."""
+    return min(1 << (width - 1).bit_length(), 16)
+
+
 def carry(source: Bytes, into: Bytes, width: int, room: Bytes) -> bool:
     """The first `width` bytes of every row of `source` to every row of `into`, whose rows may be longer or shorter.
 
-    Eight bytes of all rows at a time, the last eight as far as need be over those before. numpy is quick from or to
-    numbers without a gap, but not between two arrays with gaps of an odd length. Of rows of six bytes eight are taken,
-    too: two too many of each, which the next row overwrites, and the last row therefore goes by itself.
+    Up to sixteen bytes of all rows at a time, the last as far as need be over those before. numpy is quick from or to
+    items without a gap, but not between two arrays with gaps of an odd length. Of rows of six bytes eight are taken, of
+    ten to fourteen sixteen: what is too much the next row overwrites, and the last row therefore goes by itself. `room`
+    is as long as `lane_bytes` of all rows.
 
     Returns whether the first eight bytes, if there are as many, are other than 0 in every row.
     """
-    size = 8 if width > 4 else width
+    size = lane_bytes(width)
     count = len(source) - (size > width)
-    between = room[: count * size].view(f"<u{size}")
+    lane = room[: count * size].view(f"V{size}")
     if width < _WIDE:
-        last = max(width - 8, 0)
-        for begin in (last, *reversed(range(0, last, 8))):
-            np.copyto(between, _column(source, begin, between))
-            np.copyto(_column(into, begin, between), between)
+        last = max(width - size, 0)
+        for begin in (last, *reversed(range(0, last, size))):
+            np.copyto(lane, _column(source, begin, lane))
+            np.copyto(_column(into, begin, lane), lane)
         into[count:, :width] = source[count:, :width]
     else:
         into[:, :width] = source[:, :width]
-        np.copyto(between, _column(source, 0, between))
-    if size > width:
-        np.bitwise_and(between, (1 << 8 * width) - 1, out=between)
-    return bool(between.min(initial=1)) and bool(source[-1, :width].any())
+        np.copyto(lane, _column(source, 0, lane))
+    return _are_not_0(lane.view(np.uint8), size, width) and bool(source[-1, :width].any())
 
 
-def _column(rows: Bytes, begin: int, like: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Numbers like those of `like` at byte `begin` of every row."""
+def _column(rows: Bytes, begin: int, like: NDArray[np.void]) -> NDArray[np.void]:
+    """Items like those of `like` at byte `begin` of every row."""
     return np.ndarray(like.shape, like.dtype, rows.data, begin, rows.strides[:1])
+
+
+def _are_not_0(lane: Bytes, size: int, width: int) -> bool:
+    """The first eight bytes, or `width`, of every `size`. Mostly a look at all is enough, without a gap or a mask."""
+    if lane.view("<u4" if width == 6 else f"<u{min(size, 8)}").min(initial=1):
+        return True
+    first = lane.view(f"<u{min(size, 8)}")[:: max(size // 8, 1)]
+    return bool((first & ((1 << 8 * min(width, 8)) - 1)).min())
 
 
 def pack(numbers: NDArray[np.int16], words: Words, spare: Words, form: RecordFormat) -> None:

@@ -10,7 +10,7 @@ from typing import Final
 
 from tapewire.engine import MILLISECOND, Nanos
 
-__all__ = ["HEARD_LATE", "HEARD_LATE_CHARACTERS", "Delivery"]
+__all__ = ["HEARD_LATE", "HEARD_LATE_CHARACTERS", "SLOWEST", "Delivery"]
 
 HEARD_LATE: Final[Nanos] = 100 * MILLISECOND
 """What the control says is heard at most so long after it said it, by way of a serial server and a busy computer: what

@@ -386,8 +386,8 @@ class Excuses:
             return dark
         if self._is_b and is_silent_alarm(self._scenario, self._evidence, job):
             return Undetectable.SILENT_ALARM
-        unseen = self._unseen(Wire.FROM_HOST, job)
-        if self._sends and wait.moving and self._scenario.override is not None and unseen:
+        # A second reading begins where the first one led the machine.
+        if self._sends and wait.moving and self._scenario.override is not None and self._unseen(Wire.FROM_HOST):
             return Undetectable.LONG_BLOCK
         if self._is_b and self._sends and self._er_unseen and ended_unplugged(self._evidence, wait):
             return Undetectable.END_UNPLUGGED

@@ -182,7 +182,8 @@ def eor_came_otherwise(
     """
     eor, got, whole = EOR_CODES[scenario.settings.data], bytes(attempt.delivered), len(evidence.program)
     reads_on = sent >= whole and not (got[1:] and got[-1] in eor)
-    stopped = len(got) < whole and got[-1:] != b"" and got[-1] in eor
+    taken = evidence.cnc.brought[attempt.brought : attempt.brought + attempt.got]
+    stopped = 0 < len(taken) < whole and taken[-1] in eor
     for damage in unseen:
         lost, forged = frozenset(eor) & frozenset(damage.sent), frozenset(eor) & frozenset(damage.plain)
         if damage.moment >= attempt.began and ((reads_on and lost) or (stopped and forged)):

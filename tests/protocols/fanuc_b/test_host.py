@@ -268,11 +268,20 @@ def test_abort_on_a_stuck_line_says_between_which_two_counts_the_control_stands(
     assert (rig.end.bytes_low, rig.end.bytes_high) == (1000, 1050)
 
 
-@pytest.mark.parametrize(("closure", "outcome"), [(Closure.ORDERLY, Outcome.COMPLETE), (Closure.LOST, Outcome.FAILED)])
-def test_the_line_closed_after_the_last_byte_counts_as_er_off(closure: Closure, outcome: Outcome) -> None:
+@pytest.mark.parametrize(
+    ("said", "closure", "outcome"),
+    [
+        (DC3, Closure.ORDERLY, Outcome.COMPLETE),
+        (DC3, Closure.LOST, Outcome.FAILED),
+        (b"", Closure.ORDERLY, Outcome.FAILED),
+    ],
+)
+def test_the_line_closed_behind_the_last_dc3_counts_as_er_off(said: bytes, closure: Closure, outcome: Outcome) -> None:
+    """On one stream nothing overtakes that DC3: where none came, nobody has said the end."""
     rig = Rig(b"%\nO1\nM30\n%")
     rig.hear(DC1)
     rig.take(100)
+    rig.hear(said)
     rig.host.receive_closed(closure, "test", rig.now)
     rig.leave()
     assert rig.end is not None

@@ -7,20 +7,17 @@ from io import BytesIO
 import pytest
 
 from tapewire.engine import (
+    MILLISECOND,
     SECOND,
-    Ended,
     Held,
     LineFault,
     Notice,
     Outcome,
     Requested,
-    SignalsIn,
     Started,
     Violation,
 )
-from tapewire.protocols.fanuc_b.host import FanucBHost
-from tapewire.protocols.fanuc_b.messages import Params
-from tapewire.protocols.settings import End
+from tapewire.protocols.fanuc_b.host_law import DC4_LATE, SOURCE_POLL
 from tests.protocols.fanuc_b.host_rig import DC1, DC3, DC3_ISO, PROGRAM, Rig
 
 
@@ -74,7 +71,7 @@ def test_an_er_that_falls_behind_the_last_byte_and_no_dc3_is_a_loss_of_power(the
 
 
 class LateEnd:
-    """A source that says only when asked a second time that there is no more."""
+    """A source that says some times that it has nothing yet, and then what comes."""
 
     def __init__(self, *answers: bytes | None) -> None:
         self._answers = list(answers)
@@ -83,24 +80,80 @@ class LateEnd:
         return self._answers.pop(0) if self._answers else b""
 
 
-@pytest.mark.parametrize("heard_before", ["nothing", "DC3"])
+@pytest.mark.parametrize("first", ["ER", "DC3"])
+@pytest.mark.parametrize("pauses", [1, 2, 3, 5])
 @pytest.mark.parametrize(("rest", "outcome"), [(b"", Outcome.COMPLETE), (b"M30\n%", Outcome.FAILED)])
 def test_an_er_that_falls_while_the_source_is_late_asks_it_first(
-    heard_before: str, rest: bytes, outcome: Outcome
+    first: str, pauses: int, rest: bytes, outcome: Outcome
 ) -> None:
     rig = Rig(b"", posting="off")
-    rig.host.start(LateEnd(b"%\nG01 X1.\n%", None, rest), 0)
+    rig.host.start(LateEnd(b"%\nG01 X1.\n%", *[None] * pauses, rest), 0)
     rig.see()
     rig.hear(DC1)
     rig.take(100)
-    if heard_before == "DC3":
+    if first == "DC3":
         rig.hear(DC3)
     rig.see(dsr=False)
-    if heard_before == "nothing":
+    if first == "ER":
         rig.hear(DC3)
+    for _ in range(pauses):
+        assert not rig.take(100)
+        rig.wait(SOURCE_POLL)
     assert rig.end is not None
     assert rig.end.outcome is outcome
     assert not rig.take(100)
+
+
+@pytest.mark.parametrize("first", ["ER", "DC3"])
+def test_er_falls_with_the_last_dc3_behind_a_stop_that_met_the_last_bytes(first: str) -> None:
+    rig = Rig(PROGRAM[:8010], posting="off")
+    rig.see()
+    rig.hear(DC1)
+    rig.take(8000)
+    rig.hand_over(10)
+    rig.hear(DC3)
+    rig.leave()
+    rig.wait(60 * SECOND)
+    if first == "ER":
+        rig.see(dsr=False)
+        rig.wait(MILLISECOND)
+    rig.hear(DC3)
+    if first == "DC3":
+        rig.see(dsr=False)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.COMPLETE
+
+
+@pytest.mark.parametrize("posting", ["on", "off"])
+def test_er_that_falls_long_behind_a_dc3_that_may_be_a_stop_is_no_end(posting: str) -> None:
+    """Its power went while it was stopped: the rest of its buffer is not read."""
+    rig = Rig(PROGRAM[:8000], posting=posting)
+    rig.see()
+    rig.hear(DC1)
+    rig.take_in_two_seconds(7990)
+    rig.take(10)
+    rig.hear(DC3)
+    rig.wait(2 * SECOND)
+    rig.see(dsr=False)
+    assert rig.end is not None
+    assert (rig.end.outcome, rig.end.bytes_low) == (Outcome.FAILED, 7990)
+
+
+def test_dc1_between_er_off_and_the_dc3_that_does_not_come_draws_nothing() -> None:
+    rig = Rig(b"", posting="off")
+    rig.host.start(LateEnd(b"%\nG01 X1.\n", None, None, b"M30\n%"), 0)
+    rig.see()
+    rig.hear(DC1)
+    rig.take(100)
+    rig.hear(DC3)
+    rig.see(dsr=False)
+    rig.hear(DC1)
+    assert not rig.take(100)
+    rig.wait(SOURCE_POLL)
+    rig.wait(SOURCE_POLL)
+    assert not rig.take(100)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
 
 
 def test_an_er_that_was_never_on_or_is_said_to_be_hidden_says_nothing() -> None:
@@ -117,22 +170,44 @@ def test_an_er_that_was_never_on_or_is_said_to_be_hidden_says_nothing() -> None:
     assert hidden.end is None
 
 
-@pytest.mark.parametrize("dc4", [True, False])
-def test_an_er_that_falls_with_the_dc4_waits_for_it(dc4: bool) -> None:
-    """6.1.1 2), 6.4 (1): a control line is seen at once, and the DC4 may still be in a receive FIFO."""
-    host = FanucBHost(Params.for_protocol_b({"posting": "off"}, End.HOST))
-    host.receive(BytesIO(), 0)
-    host.receive_signals(SignalsIn(), 0)
-    host.receive_data(b"\x12%\nO1\n%", SECOND)
-    host.receive_signals(SignalsIn(dsr=False), SECOND)
-    if dc4:
-        host.receive_data(b"\x14", SECOND + 5_000_000)
-    host.handle_timer(2 * SECOND)
-    host.data_discarded(0, 2 * SECOND)
-    ends = []
-    while (event := host.next_event()) is not None:
-        ends += [event] if isinstance(event, Ended) else []
-    assert [end.outcome for end in ends] == [Outcome.COMPLETE if dc4 else Outcome.FAILED]
+@pytest.mark.parametrize(
+    ("late_ms", "outcome"), [(5, Outcome.COMPLETE), (2000, Outcome.COMPLETE), (3100, Outcome.FAILED)]
+)
+def test_an_er_that_falls_with_the_dc4_waits_for_it(late_ms: int, outcome: Outcome) -> None:
+    """6.1.1 2), 6.4 (1): a control line is seen at once, and the DC4 may still be in a FIFO, at 50 baud for seconds."""
+    rig = Rig(b"", posting="off")
+    rig.see()
+    rig.host.receive(BytesIO(), 0)
+    rig.hear(b"\x12%\nO1\n%")
+    rig.see(dsr=False)
+    rig.wait(late_ms * MILLISECOND)
+    rig.hear(b"\x14")
+    rig.wait(SECOND)
+    assert rig.end is not None
+    assert rig.end.outcome is outcome
+
+
+@pytest.mark.parametrize("off_ms", [1, 50, 2000])
+def test_an_er_that_comes_back_in_a_punch_out_begins_another(off_ms: int) -> None:
+    """What follows would stand behind the cut program."""
+    rig, sink = Rig(b"", data="binary", posting="off"), BytesIO()
+    rig.see()
+    rig.host.receive(sink, 0)
+    rig.hear(b"\x12AAAA")
+    rig.host.hold_reception(rig.now)
+    rig.take(1)
+    rig.wait(SECOND)
+    rig.host.release(rig.now)
+    rig.take(1)
+    rig.hear(b"BB\x93")
+    rig.see(dsr=False)
+    rig.wait(off_ms * MILLISECOND)
+    rig.see()
+    rig.hear(b"\x12CCCC\x14")
+    rig.wait(SECOND)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+    assert sink.getvalue() == b"AAAABB"
 
 
 def test_an_er_that_comes_on_in_the_middle_belongs_to_nobody_who_asked() -> None:
@@ -219,6 +294,7 @@ def test_a_dc3_while_the_last_bytes_are_on_their_way_is_no_end(posting: str) -> 
     rig.wait(60 * SECOND)
     assert rig.end is None
     rig.see(dsr=False)
+    rig.wait(SECOND // 10)
     assert rig.end is not None
     assert rig.end.outcome is Outcome.FAILED
 
@@ -308,7 +384,7 @@ def test_6_4_1_a_last_character_that_may_be_dc3_is_stored_when_another_follows(
         rig.hear(b"\x12" + punched[:cut])
         rig.hear(punched[cut:] + (b"\x14" if end == "whole" else b""))
         rig.see(dsr=False)
-        rig.wait(SECOND)
+        rig.wait(DC4_LATE)
         assert rig.end is not None
         assert rig.end.outcome is (Outcome.COMPLETE if end == "whole" else Outcome.FAILED)
         assert sink.getvalue() == (punched if end == "whole" else stored)

@@ -9,7 +9,7 @@ import pytest
 
 from tapewire.engine import MILLISECOND, SECOND, Closure, LineFault, Outcome, Resumed
 from tapewire.protocols.fanuc_b.host_law import SOURCE_POLL
-from tests.protocols.fanuc_b.host_rig import DC1, DC3, PROGRAM, SYN, Rig
+from tests.protocols.fanuc_b.host_rig import DC1, DC3, NAK, PROGRAM, SYN, Rig
 
 
 class _EndsLate(BytesIO):
@@ -82,6 +82,43 @@ def test_6_1_2_a_second_dc3_behind_the_last_bytes_and_syn_is_a_reset() -> None:
     rig.hear(DC3 + SYN)
     assert rig.end is not None
     assert rig.end.outcome is Outcome.CANCELLED
+
+
+@pytest.mark.parametrize("then", ["nothing", "DC3", "NAK", "given up"])
+@pytest.mark.parametrize("size", [8010, 8020])
+def test_what_is_heard_behind_a_damaged_character_proves_no_more(then: str, size: int) -> None:
+    """It may have been the DC3 of an alarm, which the ten bytes just before did not reach any more."""
+    rig = Rig(PROGRAM[:size])
+    rig.hear(DC1)
+    rig.take_in_two_seconds(8000)
+    rig.take(10)
+    rig.host.receive_line_fault(LineFault.FRAMING, None, rig.now)
+    rig.wait(8 * SECOND)
+    if then == "given up":
+        rig.host.abort(rig.now)
+    else:
+        rig.hear({"nothing": b"", "DC3": DC3, "NAK": DC3 + NAK}[then])
+    rig.wait(60 * SECOND)
+    if rig.end is None:
+        assert (then, size) in [("nothing", 8010), ("DC3", 8020)], "it waits for the end, or is stopped"
+        rig.host.abort(rig.now)
+    assert rig.end is not None
+    assert rig.end.outcome is not Outcome.COMPLETE
+    assert rig.end.bytes_low == 8000
+
+
+def test_a_dc1_behind_a_damaged_character_shows_that_the_control_goes_on() -> None:
+    rig = Rig(PROGRAM[:8020])
+    rig.hear(DC1)
+    rig.take_in_two_seconds(8000)
+    rig.take(10)
+    rig.host.receive_line_fault(LineFault.FRAMING, None, rig.now)
+    rig.wait(SECOND)
+    rig.hear(DC1)
+    rig.wait(SECOND)
+    rig.host.abort(rig.now)
+    assert rig.end is not None
+    assert rig.end.bytes_low == 8010
 
 
 def test_a_second_dc3_is_no_end_while_the_program_goes_on() -> None:

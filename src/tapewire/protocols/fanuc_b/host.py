@@ -18,12 +18,8 @@ from __future__ import annotations
 from typing import Final, Literal
 
 from tapewire.engine import (
-    ALL_ON,
     SECOND,
     Closure,
-    Ended,
-    Event,
-    Events,
     Held,
     LineFault,
     Nanos,
@@ -33,25 +29,22 @@ from tapewire.engine import (
     Requested,
     Resumed,
     SignalsIn,
-    SignalsOut,
-    Sink,
-    Source,
     Started,
-    Timers,
     Violation,
 )
-from tapewire.errors import UsageError
-from tapewire.protocols.fanuc_b.host_delivery import Delivery, Supply
+from tapewire.protocols.fanuc_b.host_job import Job
 from tapewire.protocols.fanuc_b.host_law import (
     DAMAGED_WAIT,
+    DC4_LATE,
     ER_FELL,
     ER_ROSE,
     FEED,
     LAW,
-    LEAVING,
     LOOKS_LIKE_RESET,
     MAY_BE_NOTICE,
+    NO_LAST_DC3,
     NOTICES,
+    READ_AND_ER_OFF,
     RISK_BLIND,
     RISK_POWER,
     SOURCE_POLL,
@@ -59,9 +52,8 @@ from tapewire.protocols.fanuc_b.host_law import (
     State,
     Timer,
 )
-from tapewire.protocols.fanuc_b.host_reception import Pause, Reception
-from tapewire.protocols.fanuc_b.host_signs import Er, Signs
-from tapewire.protocols.fanuc_b.messages import ControlCode, Params, code_of
+from tapewire.protocols.fanuc_b.host_signs import Er
+from tapewire.protocols.fanuc_b.messages import ControlCode, code_of
 from tapewire.protocols.settings import Switch
 
 __all__ = ["LAW", "FanucBHost", "State"]
@@ -69,46 +61,12 @@ __all__ = ["LAW", "FanucBHost", "State"]
 _SENDING: Final = frozenset({State.SENDING, State.HELD, State.DELIVERED})
 
 
-class FanucBHost:
+class FanucBHost(Job):
     """A host computer on protocol B (or expansion B: the params say which). A HostEngine.
 
     When a job does not end complete, `Ended.bytes_low` are the program bytes that had left before the control can have
     said what ended it, and `bytes_high` all that were handed over: protocol B has no acknowledgement.
     """
-
-    def __init__(self, params: Params) -> None:
-        self._params = params
-        self._state = State.IDLE
-        self._timers = Timers()
-        self._events = Events()
-        self._signs = Signs(params)
-        self._held_by_damage = self._recall = False
-        self._pause = Pause(params)
-        self._delivery = Delivery(params.limits)
-        self._supply = Supply(None)
-        self._reception: Reception | None = None
-        self._ending: tuple[Outcome, str] | None = None
-        self._certain = 0
-
-    # the application's side
-
-    def start(self, source: Source, now: Nanos) -> None:
-        """Arm a program; it starts with the next DC1. Raises UsageError while a job is under way."""
-        self._begin_job(State.ARMED)
-        self._supply = Supply(source)
-
-    def receive(self, sink: Sink, now: Nanos) -> None:
-        """Arm a reception; it starts with the next DC2. Raises UsageError while a job is under way."""
-        self._begin_job(State.LISTENING)
-        self._reception = Reception(self._params.data, sink)
-        self._pause = Pause(self._params)
-
-    def abort(self, now: Nanos) -> None:
-        """Fall silent and call back what has not left. No EOR is sent, so the program cannot look whole (8.2)."""
-        if self._state not in (State.IDLE, State.LEAVING):
-            began = self.progress or self._state is State.RECEIVING
-            advice = "; RESET the control before anything else is sent to it" if began else " before anything was sent"
-            self._end(Outcome.CANCELLED, f"given up here{advice}", now)
 
     def hold_reception(self, now: Nanos) -> None:
         """Pause the punch-out, or the next one (6.1.1 2) (3)). The control may still send its overrun."""
@@ -120,18 +78,6 @@ class FanucBHost:
         """Let the paused punch-out go on (6.1.1 2) (4), 6.1.2 (4))."""
         self._pause.wanted = False
         self._listen_for_notice(now)
-
-    @property
-    def state(self) -> State:
-        return self._state
-
-    @property
-    def progress(self) -> int:
-        return self._reception.stored if self._reception is not None else self._delivery.sent
-
-    @property
-    def needs_stop_distance(self) -> int:
-        return self._params.limits.overrun
 
     # from the line
 
@@ -150,6 +96,7 @@ class FanucBHost:
         """Never obeyed as DC1. While we send, the control says nothing that does not begin with DC3: so it stops us."""
         self._events.put(Violation(what=f"{fault} in what the control sent"))
         self._signs.was_damaged = True
+        self._delivery.may_be_over(now)
         match self._state:
             case State.SENDING:
                 self._state, self._held_by_damage = State.HELD, True
@@ -169,30 +116,43 @@ class FanucBHost:
         """Host CTS is the control's RS, host DSR its ER (3.2)."""
         if self._signs.see_rs(signals.cts) and self._state is State.SENDING:
             self._events.put(Resumed(why="RS is ON again") if signals.cts else Held(why="the control's RS is OFF"))
-        match self._signs.see_er(signals.dsr):
+        match self._signs.see_er(signals.dsr, now):
             case Er.FELL:
                 self._on_er_fell(now)
+            case Er.ROSE if self._timers.running(Timer.ER_FELL):
+                self._end(Outcome.FAILED, ER_ROSE, now)
             case Er.ROSE if self._state in _SENDING and self._delivery.is_past_beginning(now):
                 self._end(Outcome.FAILED, ER_ROSE, now)
 
     def _on_er_fell(self, now: Nanos) -> None:
-        """6.4 (1): a reset or an alarm, or what comes behind the last DC3 or DC4; what it is hangs on a late source."""
+        """6.4 (1): a reset or an alarm, or what comes with the last DC3 or DC4. A late source is asked first."""
         if self._state in (State.SENDING, State.HELD) and not self._supply.ahead:
             self._fill(now)
         if self._signs.er_ends_the_read(self._state, self._delivery):
-            self._end(Outcome.COMPLETE, "the control has read the whole program and turned ER OFF", now)
+            self._end(*READ_AND_ER_OFF, now)
         elif self._state is State.AFTER_DC4:
             self._finish_reception(now)
-        elif self._signs.er_may_be_before_its_code(self._state, self._delivery):
-            self._delivery.control_gone(now)
+        elif self._state is State.RECEIVING:
+            self._timers.start(Timer.ER_FELL, now + DC4_LATE)
+        elif self._may_be_the_end and self._signs.last_dc3_may_follow_er(self._delivery):
+            self._delivery.may_be_over(now)
             self._timers.start(Timer.ER_FELL, now + self._delivery.heard_late)
         elif self._state in _SENDING or self._state is State.CLOSING:
-            self._end(Outcome.FAILED, ER_FELL, now)
+            self._fail_by_er(now)
+
+    @property
+    def _may_be_the_end(self) -> bool:
+        """Of the program: nothing more of it is at hand, and a late source has not said yet whether that was all."""
+        return self._state in _SENDING and not self._supply.ahead
+
+    def _fail_by_er(self, now: Nanos) -> None:
+        sent_whole = self._reception is None and self._supply.is_over and not self._delivery.in_flight
+        self._end(Outcome.FAILED, NO_LAST_DC3 if sent_whole else ER_FELL, now)
 
     def receive_closed(self, closure: Closure, reason: str, now: Nanos) -> None:
         """The end of a TCP line counts as ER OFF."""
-        may_end = self._signs.hanging_up_may_end_the_read(self._state, self._delivery)
-        if may_end and closure is Closure.ORDERLY:
+        ends = self._signs.hanging_up_ends_the_read(self._state, self._delivery)
+        if ends and closure is Closure.ORDERLY:
             self._end(Outcome.COMPLETE, "the control has read the whole program and closed the line", now)
         elif self._state is State.AFTER_DC4 and closure is Closure.ORDERLY:
             self._finish_reception(now)
@@ -219,30 +179,7 @@ class FanucBHost:
         self._supply.take(count)
         self._fill(now)
 
-    def data_left(self, count: int, now: Nanos) -> None:
-        self._delivery.leave(count, now)
-        if self._state is State.LEAVING and not self._delivery.in_flight:
-            self._finish()
-
-    def data_discarded(self, count: int, now: Nanos) -> None:
-        self._recall = False
-        self._delivery.call_back(count)
-        if self._state is State.LEAVING and not self._delivery.in_flight:
-            self._finish()
-
-    @property
-    def recall(self) -> bool:
-        return self._recall
-
-    @property
-    def signals(self) -> SignalsOut:
-        """ON, but for a pause by CS: with them OFF the control posts nothing (6.1.2) or alarms (3.2)."""
-        return SignalsOut(rts=False) if self._pause.cs_off else ALL_ON
-
     # time and what happened
-
-    def next_deadline(self) -> Nanos | None:
-        return self._timers.next()
 
     def handle_timer(self, now: Nanos) -> None:
         for timer in self._timers.due(now):
@@ -253,11 +190,10 @@ class FanucBHost:
                     self._finish_reception(now)
                 case Timer.LEAVING:
                     self._finish()
-                case Timer.CLOSING | Timer.DAMAGED | Timer.EARLY_STOP | Timer.ER_FELL:
+                case Timer.ER_FELL:
+                    self._fail_by_er(now)
+                case Timer.CLOSING | Timer.DAMAGED | Timer.EARLY_STOP:
                     self._end(*TIMED_ENDS[timer], now)
-
-    def next_event(self) -> Event | None:
-        return self._events.get()
 
     # what the control says
 
@@ -327,6 +263,8 @@ class FanucBHost:
             self._state, self._held_by_damage = State.SENDING, False
         if self._state is State.SENDING and not self._supply.ahead:
             self._fill(now)
+        if self._state is State.LEAVING:
+            return
         self._signs.hear_dc3(self._delivery, which, now)
         match self._state:
             case State.DELIVERED | State.CLOSING:
@@ -393,7 +331,10 @@ class FanucBHost:
             self._certain = self._delivery.certain(self._signs.dc3_at)
         for timer in (Timer.DAMAGED, Timer.EARLY_STOP):
             self._timers.stop(timer)
-        if wait and not self._timers.running(Timer.ER_FELL):
+        if self._timers.running(Timer.ER_FELL):
+            if self._signs.er_ends_the_read(self._state, self._delivery):
+                self._end(*READ_AND_ER_OFF, now)
+        elif wait:
             self._timers.start(Timer.CLOSING, now + wait)
         else:
             self._end(*TIMED_ENDS[Timer.CLOSING], now)
@@ -451,19 +392,12 @@ class FanucBHost:
         else:
             self._end(Outcome.COMPLETE, "the control has punched out everything", now)
 
-    # the life of a job
-
-    def _begin_job(self, state: State) -> None:
-        if self._state is not State.IDLE:
-            raise UsageError(f"a job is under way ({self._state.value}); abort it or wait for its end")
-        self._state = state
-        self._reception = None
-        self._delivery = Delivery(self._params.limits, stale=self._delivery.in_flight)
-
     def _fill(self, now: Nanos) -> None:
         """Keep the next bytes at hand, and notice the end of the program with its last byte."""
         if not self._supply.fill():
             self._timers.start(Timer.SOURCE, now + SOURCE_POLL)
+        elif self._supply.ahead and self._timers.running(Timer.ER_FELL):
+            self._fail_by_er(now)
         elif self._supply.is_over and self._state is State.SENDING:
             self._state = State.DELIVERED
         elif self._supply.is_over and self._state is State.HELD and not self._held_by_damage:
@@ -472,28 +406,3 @@ class FanucBHost:
                 self._on_closing_dc3(now)
             elif self._signs.dc3_may_be_reset:
                 self._await_dc1_soon(now)
-
-    def _end(self, outcome: Outcome, reason: str, now: Nanos) -> None:
-        """The job is over. One that is whole waits for its last byte to leave; any other calls back what it can."""
-        self._timers.stop_all()
-        self._ending = outcome, reason
-        if self._state not in (State.HELD, State.CLOSING) or self._held_by_damage:
-            self._certain = self._delivery.certain(now)
-        self._state, self._held_by_damage = State.LEAVING, False
-        self._pause = Pause(self._params)
-        self._recall = outcome is not Outcome.COMPLETE
-        self._timers.start(Timer.LEAVING, now + LEAVING)
-        if not self._delivery.in_flight and not self._recall:
-            self._finish()
-
-    def _finish(self) -> None:
-        assert self._ending is not None
-        outcome, reason = self._ending
-        self._ending, self._supply = None, Supply(None)
-        self._timers.stop_all()
-        self._recall = False
-        self._state = State.IDLE
-        low = high = self.progress
-        if self._reception is None and outcome is not Outcome.COMPLETE:
-            low = max(0, min(self._certain, high - self._delivery.in_flight))
-        self._events.put(Ended(outcome=outcome, reason=reason, bytes_low=low, bytes_high=high))

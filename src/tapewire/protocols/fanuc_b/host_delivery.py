@@ -29,7 +29,7 @@ class Delivery(delivery.Delivery):
         self._at_dc1 = 0
         self._resumed = False
         self._began: Nanos = 0
-        self._gone_at: Nanos | None = None
+        self._may_be_over_since: Nanos | None = None
 
     def start(self, now: Nanos) -> None:
         """The control sent the DC1 that starts, or resumes when something has been sent."""
@@ -37,6 +37,7 @@ class Delivery(delivery.Delivery):
             self._began = now
         self._resumed = self.sent > 0
         self._at_dc1 = self.sent
+        self._may_be_over_since = None
 
     @property
     def may_have_filled_the_buffer(self) -> bool:
@@ -44,12 +45,16 @@ class Delivery(delivery.Delivery):
         least = self._limits.next_stop if self._resumed else self._limits.first_stop
         return self.sent - self._at_dc1 >= least
 
-    def control_gone(self, now: Nanos) -> None:
-        """What has not arrived by now does not arrive any more."""
-        self._gone_at = now
+    def may_be_over(self, now: Nanos) -> None:
+        """The control may have ended what it does, by a damaged character or ER: what it says later proves no more, but
+        for a DC1.
+        """
+        if self._may_be_over_since is None:
+            self._may_be_over_since = now
 
     def certain(self, now: Nanos) -> int:
-        return super().certain(now if self._gone_at is None else min(now, self._gone_at))
+        since = self._may_be_over_since
+        return super().certain(now if since is None else min(now, since))
 
     def has_arrived(self, now: Nanos) -> bool:
         """The control had everything when it said what is heard at `now`."""

@@ -9,10 +9,12 @@ from enum import Enum
 from typing import Final
 
 from tapewire.engine import MILLISECOND, SECOND, Named, Nanos, Outcome
+from tapewire.protocols.delivery import HEARD_LATE_CHARACTERS, SLOWEST
 from tapewire.protocols.fanuc_b.messages import ControlCode
 
 __all__ = [
     "DAMAGED_WAIT",
+    "DC4_LATE",
     "ER_FELL",
     "ER_ROSE",
     "FEED",
@@ -21,6 +23,8 @@ __all__ = [
     "LOOKS_LIKE_RESET",
     "MAY_BE_NOTICE",
     "NOTICES",
+    "NO_LAST_DC3",
+    "READ_AND_ER_OFF",
     "RESET_AT_END",
     "RISK_BLIND",
     "RISK_POWER",
@@ -78,6 +82,9 @@ LEAVING: Final[Nanos] = SECOND
 DAMAGED_WAIT: Final[Nanos] = 60 * SECOND
 """A damaged character may have been the DC1 we wait for: after so long without another, the job has failed."""
 
+DC4_LATE: Final[Nanos] = HEARD_LATE_CHARACTERS * SLOWEST
+"""ER falls with DC4, and is seen at once: so much later the DC4 may be heard on the slowest line."""
+
 _ENDING: Final = frozenset({State.LEAVING, State.IDLE})
 
 _DC1, _DC2, _DC3, _DC4 = ControlCode.DC1, ControlCode.DC2, ControlCode.DC3, ControlCode.DC4
@@ -107,9 +114,13 @@ LAW: Final[dict[tuple[State, ControlCode], frozenset[State]]] = {
 
 ER_FELL: Final = "the control's ER fell: it was reset, has an alarm, or lost power"
 
+NO_LAST_DC3: Final = f"sent whole, and its end was not heard: {ER_FELL}"
+
 ER_ROSE: Final = "the control's ER came ON in the middle: what asked is not there any more"
 
 RESET_AT_END: Final = "the control has read the whole program and was reset at its end (SYN)"
+
+READ_AND_ER_OFF: Final = (Outcome.COMPLETE, "the control has read the whole program and turned ER OFF")
 
 MAY_BE_NOTICE: Final = "it may have been SYN or NAK; see at the control whether it has read the whole program"
 LOOKS_LIKE_RESET: Final = (
@@ -137,6 +148,5 @@ TIMED_ENDS: Final[dict[Enum, tuple[Outcome, str]]] = {
     Timer.CLOSING: (Outcome.COMPLETE, "the control has read the whole program"),
     Timer.DAMAGED: (Outcome.FAILED, "a damaged character came from the control and nothing after it"),
     Timer.EARLY_STOP: (Outcome.FAILED, f"a DC3 that cannot have been a stop: {LOOKS_LIKE_RESET}"),
-    Timer.ER_FELL: (Outcome.FAILED, ER_FELL),
 }
 """How a job ends when one of these deadlines passes."""

@@ -34,6 +34,7 @@ class Signs:
         self.er = False
         """ER is visible, and ON."""
         self.sees_er = False
+        self.er_fell_at: Nanos = 0
         self.are_shown = False
         """This line has control lines."""
         self.dc3_at: Nanos = 0
@@ -56,11 +57,13 @@ class Signs:
         before, self.rs = self.rs, rs
         return rs != before
 
-    def see_er(self, er: bool) -> Er:
+    def see_er(self, er: bool, now: Nanos) -> Er:
         if self._params.er is ErLine.HIDDEN or er == self.er:
             return Er.SAME
         self.er = er
         self.sees_er |= er
+        if not er:
+            self.er_fell_at = now
         return Er.ROSE if er else Er.FELL
 
     def follows_a_stop(self, state: State, delivery: Delivery) -> bool:
@@ -82,29 +85,33 @@ class Signs:
         self.dc3_may_be_end = not delivery.in_flight and (told or not self.dc3_may_be_reset)
 
     def wait_behind_last_dc3(self, state: State, delivery: Delivery) -> Nanos:
-        """How long something may still follow the last DC3 that shows it to be no end; 0 where nothing can. Judged by
-        when it was heard: the source may say only much later that there is no more.
-        """
-        may_be_stop = delivery.may_have_filled_the_buffer and not delivery.long_silent(self.dc3_at)
-        if state is State.DELIVERED and may_be_stop:
+        """How long something may still follow the last DC3 that shows it to be no end; 0 where nothing can."""
+        if state is State.DELIVERED and self._dc3_may_be_stop(delivery):
             return round(self._params.closing_time * SECOND)
         return round(self._params.notice_time * SECOND) if self._posts else 0
 
-    def er_ends_the_read(self, state: State, delivery: Delivery) -> bool:
-        """It falls behind the last DC3 (6.1.1 1) (7), 6.4 (1)); with none it is a loss of power as well."""
-        return state is State.CLOSING and self.hanging_up_may_end_the_read(state, delivery)
-
-    def hanging_up_may_end_the_read(self, state: State, delivery: Delivery) -> bool:
-        """ER OFF, or the line closed: a reset does the same, so behind a DC3 that may be one it proves nothing."""
-        over = state is State.DELIVERED or (state is State.CLOSING and not self.dc3_may_be_reset)
-        return over and not delivery.in_flight
-
-    def er_may_be_before_its_code(self, state: State, delivery: Delivery) -> bool:
-        """A control line is seen at once, and the last DC3 or DC4 may still be in a receive FIFO. With posting ER stays
-        ON until power-off (6.1.2), so behind a program it cannot belong to a DC3 to come.
+    def hanging_up_ends_the_read(self, state: State, delivery: Delivery) -> bool:
+        """ER OFF, or the line closed, behind the last DC3. With none it may be a loss of power; and as a reset does the
+        same, it proves nothing behind a DC3 that may be one.
         """
-        delivered = state is State.DELIVERED and not self._posts and not delivery.in_flight
-        return delivered or state is State.RECEIVING
+        return state is State.CLOSING and not self.dc3_may_be_reset and not delivery.in_flight
+
+    def er_ends_the_read(self, state: State, delivery: Delivery) -> bool:
+        """A stop leaves ER ON (6.1.1): where it falls long behind a DC3 that may be one, the control was stopped there,
+        and went.
+        """
+        belongs = self.er_fell_at - self.dc3_at <= delivery.heard_late or not self._dc3_may_be_stop(delivery)
+        return belongs and self.hanging_up_ends_the_read(state, delivery)
+
+    def last_dc3_may_follow_er(self, delivery: Delivery) -> bool:
+        """A control line is seen at once, and that DC3 may still be in a receive FIFO. With posting ER stays ON until
+        power-off (6.1.2), and belongs to no DC3 to come.
+        """
+        return not self._posts and not delivery.in_flight
+
+    def _dc3_may_be_stop(self, delivery: Delivery) -> bool:
+        """Judged by when it was heard: the source may say only much later that there is no more."""
+        return delivery.may_have_filled_the_buffer and not delivery.long_silent(self.dc3_at)
 
     def end_by_notice(
         self, code: ControlCode, state: State, delivery: Delivery, now: Nanos
