@@ -10,8 +10,10 @@ import pytest
 from tapewire.engine import MILLISECOND, SECOND, LineFault, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.line.transport import Fault
-from tapewire.sim.evidence import Evidence, Wait
+from tapewire.sim.evidence import Damage, Evidence, Wait
+from tapewire.sim.mistaken import gained, lost
 from tapewire.sim.names import Undetectable
+from tapewire.sim.scenarios import draw
 from tapewire.sim.undetectable import Excuses
 from tests.sim.test_undetectable import PROGRAM, case
 
@@ -141,6 +143,39 @@ def test_what_is_blank_tape_by_a_flip_is_missing(protocol: str, arrived: bytes, 
     """A control passes NUL and DEL over, and one bit makes NUL of a space."""
     evidence, excuses = case(protocol, cnc={"mode": "L"} if protocol == "bridgeport" else None, arrived=(arrived,))
     assert (excuses.less(evidence.attempts, evidence.jobs[0], missing) == Undetectable.LOST) is excused
+
+
+@pytest.mark.parametrize("code", [b"\x11", b"\x13", b"\x04"])
+@pytest.mark.parametrize("arrived", [(), (b"\x00",), (b"X",)])
+def test_a_code_of_the_host_that_is_gone_is_no_character_of_the_program(
+    code: bytes, arrived: tuple[bytes, ...]
+) -> None:
+    evidence, excuses = case("bridgeport", cnc={"mode": "L"}, place=len(PROGRAM) + 1, sent=code, arrived=arrived)
+    assert excuses.less(evidence.attempts, evidence.jobs[0], 1) == ""
+
+
+@pytest.mark.parametrize(
+    ("sent", "arrived", "more", "fewer"),
+    [
+        (b"X", b"", 0, 1),
+        (b"X", b"XX", 1, 0),
+        (b"X", b"\x04", 0, 1),
+        (b"\x11", b"", 0, 0),
+        (b"\x11", b"X", 1, 0),
+        (b"\x11", b"\x11\x11", 1, 0),
+        (b"\x04", b"\x04X", 1, 0),
+        (b"\x11\x11X", b"\x11YZ", 1, 0),
+        (b"\x11X\x13", b"\x11", 0, 0),
+        (b"XY\x04", b"X", 0, 1),
+        (b"", b"\x11", 1, 0),
+    ],
+)
+def test_a_code_counts_as_a_character_only_where_it_was_made(
+    sent: bytes, arrived: bytes, more: int, fewer: int
+) -> None:
+    codes = draw("bridgeport", "clean", 1).codes
+    damage = Damage(0, "x", Wire.FROM_HOST, 5, sent, (arrived,))
+    assert (gained(damage, codes), lost(damage, codes)) == (more, fewer)
 
 
 @pytest.mark.parametrize(

@@ -37,13 +37,19 @@ def _of_text(data: bytes, others: Iterable[int] = ()) -> int:
 
 
 def lost(damage: Damage, codes: Codes) -> int:
-    """So many characters fewer are with the control: gone, or blank tape, or the end of the text in place of one."""
-    return max(0, _of_text(damage.sent) - _of_text(damage.plain, codes.ends))
+    """So many characters fewer are with the control: gone, or blank tape, or the end of the text in place of one. What
+    was a code of the host was none.
+    """
+    return max(0, _of_text(damage.sent, codes.all) - _of_text(damage.plain, codes.ends))
 
 
 def gained(damage: Damage, codes: Codes) -> int:
-    """So many characters more are with it: made, or read in place of a code or of blank tape."""
-    return max(0, _of_text(damage.plain) - _of_text(damage.sent, codes.all))
+    """So many characters more are with it: made, or read in place of a code or of blank tape. A code that stands among
+    what arrived has come.
+    """
+    came = (Counter(damage.sent) & Counter(damage.plain)).elements()
+    codes_that_came = sum(byte in codes.all for byte in came)
+    return max(0, _of_text(damage.plain) - _of_text(damage.sent, codes.all) - codes_that_came)
 
 
 def while_read(evidence: Evidence, moment: Nanos, attempt: Attempt) -> bool:

@@ -437,11 +437,11 @@ class Trial:
                 pass
 
     def _sleep(self, until: Nanos) -> None:
-        """The host's computer does nothing before. A sleep that falls into another, or comes before the computer that
-        was late has woken from it, is one with it.
+        """The host's computer does nothing before. A sleep that falls into another is one with it; however late the
+        computer is otherwise, it does something when it wakes.
         """
         sleeps, since = self.evidence.sleeps, self.world.now
-        if sleeps and since <= sleeps[-1][1] + self.scenario.late:
+        if sleeps and since <= sleeps[-1][1]:
             since, until = sleeps[-1][0], max(sleeps.pop()[1], until)
         self.pair.host_side.asleep_until = until
         sleeps.append((since, until))

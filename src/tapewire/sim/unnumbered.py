@@ -64,7 +64,8 @@ def never_repeated(evidence: Evidence, n: int, damage: Damage) -> bool:
 
     DC1: the host waits for a monitor packet, and a control that has said DC1 waits for a packet (5.3 4)). And what
     makes the control pass over a good end packet, as one that was under way behind a bad effective packet would be
-    (5.2 2)): the number of the end packet itself, or an invalid packet right before it, which may have been either.
+    (5.2 2)): the number of the end packet itself, or an invalid packet before it, which may have been either,
+    where nothing but other invalid ones stand between.
     """
     if not n or not damage.place:
         return False

@@ -132,11 +132,15 @@ class BridgeportHost(Job):
                 self._events.put(Resumed(why="CTS is ON again") if self._cts else Held(why="CTS is OFF"))
         fell = self._er and not signals.dsr
         self._er = signals.dsr
-        if fell and self._params.er is ErLine.AUTO and self._in_transfer:
+        if not fell or self._params.er is not ErLine.AUTO:
+            return
+        self._break_off()
+        if self._in_transfer:
             self._end(Outcome.FAILED, "DSR fell: the control lost power or its cable", now)
 
     def receive_closed(self, closure: Closure, reason: str, now: Nanos) -> None:
         orderly = closure is Closure.ORDERLY
+        self._break_off()
         if self._state is State.SAVED and orderly:
             self._finish_saved(now)
         elif self._state is State.TAIL and orderly and self._end_has_left:
@@ -307,7 +311,7 @@ class BridgeportHost(Job):
     def _on_open_write(self, now: Nanos) -> None:
         """A new transaction in any state (1.1, 1.2.2); what it interrupts is over."""
         state = self._state
-        begun = self._break_off() if state is State.RECEIVING else 0
+        behind = self._break_off()
         if state is State.SAVED:
             self._finish_saved(now)
         elif state is State.TAIL and self._end_has_left:
@@ -316,12 +320,12 @@ class BridgeportHost(Job):
             self._end(Outcome.FAILED, "the control began anew before the program was complete", now)
         elif state is State.HOLD:
             self._name = None
-        elif begun:
-            self._events.put(Violation(what=f"the control began anew behind {begun} characters that have no end"))
+        elif behind:
+            self._events.put(Violation(what=f"the control began anew {behind}"))
         self._stop_waiting()
-        self._spoilt_name = ""
+        self._spoilt_name = self._behind = ""
         self._held = self._pause_told = False
-        self._reception = Reception(self._place, self._params.upload_limit)
+        self._reception = Reception(self._place, self._params.upload_limit, behind)
         self._transmission = None
         self._replies[:] = bytes([self._params.write_ready])
         self._state = State.RECEIVING
@@ -348,14 +352,10 @@ class BridgeportHost(Job):
             return
         self._serve(now)
 
-    def _just_ended(self, now: Nanos) -> bool:
-        after = round(self._params.stray_xon_time * SECOND)
-        return self._ended_at is not None and now - self._ended_at < after
-
     def _on_cancel(self, character: int, now: Nanos) -> None:
         """4.3.2: stop, throw the rest away, wait for another request. Nothing is answered."""
         if self._state is State.REST and self._name is None:
-            self._spoilt_name = ""
+            self._spoilt_name = self._behind = ""
             self._ignore(Heard.CANCEL, character)
             return
         whole = "sent whole, then " if self._state is State.TAIL and not self._more_to_send else ""
@@ -476,9 +476,11 @@ class BridgeportHost(Job):
         if self._params.punch_mode is Switch.OFF or shelf is None or character not in TEXT:
             self._ignore(Heard.TEXT, character)
             return
+        behind = self._behind
         self._on_open_write(now)
         self._replies.clear()
         assert self._reception is not None
+        self._reception.behind = behind
         self._reception.take(bytes([character]))
 
     def _on_silence(self, now: Nanos) -> None:
@@ -487,9 +489,10 @@ class BridgeportHost(Job):
             self._start(Timer.TEXT, self._params.text_timeout, now)
             return
         silence = f"silence of {self._params.text_timeout:g} s"
-        self._break_off()
+        behind = self._break_off()
         if self._in_transfer:
             self._end(Outcome.FAILED, f"{silence} inside the program, and no end of it", now)
-            return
-        self._events.put(Violation(what=f"{silence} where a name or a program was announced"))
-        self._rest()
+        else:
+            self._events.put(Violation(what=f"{silence} where a name or a program was announced"))
+            self._rest()
+        self._behind = behind

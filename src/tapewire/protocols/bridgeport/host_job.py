@@ -89,6 +89,8 @@ class Job:
         """What was wrong with the name before the request that is due; empty while nothing was."""
         self._transmission: Transmission | None = None
         self._reception: Reception | None = None
+        self._behind = ""
+        """At rest: what came before the silence and had no end; empty where there is none."""
         self._replies = bytearray()
         self._held = False
         self._ended_at: Nanos | None = None
@@ -124,6 +126,7 @@ class Job:
 
     def abort(self, now: Nanos) -> None:
         """Fall silent, call back what has not left, and disarm. No EOT is sent: a cut program cannot look whole."""
+        self._break_off()
         if self._has_job and self._ending is None:
             self._end(Outcome.CANCELLED, f"given up here; {AGAIN}", now)
         self._arming = None
@@ -177,6 +180,7 @@ class Job:
             raise UsageError(f"a job is under way ({self._state.value}); abort it or wait for its end")
         self._arming = arming
         self._transmission = None
+        self._behind = ""
         if self._state is State.HOLD:
             self._stop_waiting()
             self._state = State.REST
@@ -218,6 +222,10 @@ class Job:
     def _look_again_later(self, now: Nanos) -> None:
         if self._arming is not None and self._arming.library is not None:
             self._timers.start(Timer.LIBRARY, now + LIBRARY_POLL)
+
+    def _just_ended(self, now: Nanos) -> bool:
+        after = round(self._params.stray_xon_time * SECOND)
+        return self._ended_at is not None and now - self._ended_at < after
 
     def _stop_waiting(self) -> None:
         self._timers.stop(Timer.HOLD)
@@ -337,13 +345,17 @@ class Job:
         if count := self._reception.unreported():
             self._events.put(Received(count=count))
 
-    def _break_off(self) -> int:
-        """No end comes to what comes in; of how many characters. What was long enough is a program, and cut short."""
-        reception = self._reception
-        assert reception is not None
-        reception.break_off()
-        self._note_stored()
-        return reception.count
+    def _break_off(self) -> str:
+        """If something comes in, its end does not. What was long enough for a program is one, and cut short. Returns in
+        words behind what the next begins; empty where nothing had come.
+        """
+        if self._state is not State.RECEIVING:
+            return ""
+        assert self._reception is not None
+        if self._ending is None:
+            self._reception.break_off()
+            self._note_stored()
+        return self._reception.unended
 
     def _finish_saved(self, now: Nanos) -> None:
         assert self._reception is not None
@@ -359,6 +371,7 @@ class Job:
 
         What was on its way is called back unless it is all the control is to have.
         """
+        self._break_off()
         had_job = self._has_job
         if self._in_transfer:
             self._ended_at = now
@@ -384,7 +397,7 @@ class Job:
     def _rest(self) -> None:
         self._timers.stop_all()
         self._name = None
-        self._spoilt_name = ""
+        self._spoilt_name = self._behind = ""
         self._replies.clear()
         self._state = State.REST
 

@@ -31,9 +31,11 @@ class Reception:
     More than `limit` bytes are not kept: `problem` then says so, and what follows is dropped.
     """
 
-    def __init__(self, place: Callable[[], Sink | None], limit: int) -> None:
+    def __init__(self, place: Callable[[], Sink | None], limit: int, behind: str = "") -> None:
         self._place = place
         self._limit = limit
+        self.behind = behind
+        """What came before it and has no end: the head of it, if it is a program. A name is said again whole."""
         self._head = bytearray()
         self._sink: Sink | None = None
         self._is_program = False
@@ -81,6 +83,15 @@ class Reception:
         if not self._is_program and classify(bytes(self._head)) is None:
             self._begin_program()
 
+    @property
+    def unended(self) -> str:
+        """What the next one comes behind, if no end of this one came; empty while nothing of it has come."""
+        if self.behind:
+            return self.behind
+        if self.count:
+            return f"behind {self.count:,} character{'s' * (self.count > 1)} without an end"
+        return f"behind damage ({self.damage})" if self.damage else ""
+
     def unreported(self) -> int:
         """Bytes stored since the last call."""
         count = self.stored - self._reported
@@ -89,6 +100,8 @@ class Reception:
 
     def _begin_program(self) -> None:
         self._is_program = True
+        if self.behind:
+            self.damage = f"begun {self.behind}"
         self._sink = self._place()
         head, self._head = bytes(self._head), bytearray()
         self._store(head)
