@@ -40,6 +40,14 @@ def test_a_computer_that_is_late_makes_no_line_faster() -> None:
     assert 64 - HEARD_LATE_CHARACTERS - 1 <= delivery.certain(64 * each) <= 64 - HEARD_LATE_CHARACTERS
 
 
+def test_nor_does_one_that_tells_of_one_character_at_once_behind_another() -> None:
+    delivery, each = Delivery(), character_time(1200)
+    for count in range(1, 65):
+        delivery.hand_over(1)
+        delivery.leave(1, count * each - (each * 19 // 20 if count == 40 else 0))
+    assert delivery.certain(64 * each) == 64 - HEARD_LATE_CHARACTERS
+
+
 @given(
     baud=st.sampled_from([50, 300, 2400, 9600, 86400]),
     chunks=st.lists(st.tuples(st.integers(1, 64), st.integers(0, 200)), min_size=1, max_size=30),

@@ -28,9 +28,6 @@ SLOWEST: Final[Nanos] = 220 * MILLISECOND
 PACED_CHARACTERS: Final = 8
 """The pace of a line is taken over so many characters at least."""
 
-MOST_BEHIND: Final = 4
-"""The pace of a line is at most so many times the shortest time between two characters."""
-
 
 class Delivery:
     """The characters of one job. `stale` are characters of an earlier one that are still on their way."""
@@ -97,5 +94,5 @@ class Delivery:
         """How late what the control says may be heard. What leaves one after the other shows how long a character takes
         on this line; a pause does not.
         """
-        pace = max(self._step, min(self._pace, MOST_BEHIND * self._step))
+        pace = min(self._pace or self._step, SLOWEST)
         return max(HEARD_LATE, HEARD_LATE_CHARACTERS * pace)

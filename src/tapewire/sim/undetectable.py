@@ -43,6 +43,7 @@ from tapewire.sim.unposted import (
     cut_while_paused,
     ended_unplugged,
     ends_alike,
+    ends_in_eor,
     eor_came_otherwise,
     er_was_hidden,
     forged_start,
@@ -240,8 +241,9 @@ class Excuses:
             if with_the_last(scenario, missing):
                 return Undetectable.WITH_THE_LAST
             return Undetectable.LATE_WORD if heard_late(scenario, evidence, job, missing, CLOSING) else ""
-        # DNC LINK answers the last record, so that its host knows what is whole.
-        counts = not (self._is_a or self._is_b or self._linked)
+        # DNC LINK answers the last record, so that its host knows what is whole; and a SYN may be said to be an end.
+        syn_ends = self._is_b and scenario.settings.host.get("syn_at_end") == "complete"
+        counts = syn_ends or not (self._is_a or self._is_b or self._linked)
         return Undetectable.LATE_WORD if counts and heard_late(scenario, evidence, job, missing, 0) else ""
 
     def _name_changed(self, attempt: Attempt | None) -> bool:
@@ -278,7 +280,10 @@ class Excuses:
             if self._loads and text_ended_early(self._evidence, attempt, unseen, self._codes.ends):
                 return Undetectable.FORGED_END
         if attempt is not None and self._is_a:
-            wrong = first_difference(bytes(attempt.delivered), self._evidence.expected)
+            got = bytes(attempt.delivered)
+            wrong = first_difference(got, self._evidence.expected)
+            if wrong == len(got) - 1 and ends_in_eor(self._scenario, got):
+                return self.content(attempt, wrong, got)
             if wrong is not None and (packets := lost_packets(self._evidence, self._n, attempt, wrong)):
                 return packets
             if went_round(self._evidence, self._n, attempt, job, missing):

@@ -25,6 +25,7 @@ __all__ = [
     "cut_while_paused",
     "ended_unplugged",
     "ends_alike",
+    "ends_in_eor",
     "eor_came_otherwise",
     "er_was_hidden",
     "forged_start",
@@ -46,6 +47,7 @@ LONGEST_BLINK: Final[Nanos] = 2 * SECOND
 
 _DC1: Final = b"\x11"
 _DC3: Final = b"\x13"
+_STOPS: Final = frozenset(b"\x13\x93")
 
 
 def heard_late(scenario: Scenario, evidence: Evidence, job: Job, missing: int, ends_within: Nanos) -> bool:
@@ -161,8 +163,11 @@ def announcement_was_hit(evidence: Evidence, wait: Wait) -> bool:
 
 
 def resume_was_hit(unseen: Sequence[Damage], wait: Wait) -> bool:
-    """In a punch-out the host says nothing but codes: the last one is what the control waits for (6.1.1 2) (4))."""
-    return any(damage.place + len(damage.sent) - 1 == wait.told for damage in unseen if damage.place)
+    """In a punch-out the host says nothing but codes: the last one is what the control waits for (6.1.1 2) (4)). Behind
+    a DC3 out of nothing it is one that its host does not know to be due.
+    """
+    forged = any(not damage.place and damage.told == wait.told and _STOPS & set(damage.plain) for damage in unseen)
+    return forged or any(damage.place + len(damage.sent) - 1 == wait.told for damage in unseen if damage.place)
 
 
 def ended_unplugged(evidence: Evidence, wait: Wait) -> bool:
@@ -174,6 +179,10 @@ def ended_unplugged(evidence: Evidence, wait: Wait) -> bool:
     return unplugged and not wait.said.endswith(_DC3)
 
 
+def ends_in_eor(scenario: Scenario, text: bytes) -> bool:
+    return text[-1:] != b"" and text[-1] in EOR_CODES[scenario.settings.data]
+
+
 def eor_came_otherwise(
     scenario: Scenario, evidence: Evidence, attempt: Attempt, sent: int, unseen: Sequence[Damage]
 ) -> bool:
@@ -183,7 +192,7 @@ def eor_came_otherwise(
     eor, got, whole = EOR_CODES[scenario.settings.data], bytes(attempt.delivered), len(evidence.program)
     reads_on = sent >= whole and not (got[1:] and got[-1] in eor)
     taken = evidence.cnc.brought[attempt.brought : attempt.brought + attempt.got]
-    stopped = 0 < len(taken) < whole and taken[-1] in eor
+    stopped = len(taken) < whole and ends_in_eor(scenario, bytes(taken))
     for damage in unseen:
         lost, forged = frozenset(eor) & frozenset(damage.sent), frozenset(eor) & frozenset(damage.plain)
         if damage.moment >= attempt.began and ((reads_on and lost) or (stopped and forged)):
