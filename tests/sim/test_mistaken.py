@@ -200,3 +200,23 @@ def test_the_dc3_that_closes_a_name_is_text_where_noise_has_begun_one(
     attempt = evidence.attempts[0]
     attempt.delivered[:], attempt.got = taken, len(taken)
     assert (excuses.more(evidence.attempts, len(taken)) == Undetectable.READ_AS_TEXT) is excused
+
+
+@pytest.mark.parametrize(
+    ("damage", "excused"),
+    [
+        ({**NOTHING, "arrived": (b"\x04",), "told": END}, True),
+        ({**NOTHING, "arrived": (b"\x04",), "told": END - 5}, False),
+        ({**NOTHING, "arrived": (b"X",), "told": END}, False),
+        ({**NOTHING, "arrived": (b"\x04",), "told": END, "moment": 19 * SECOND}, False),
+        ({**NOTHING, "arrived": (b"\x04",), "told": END, "wire": Wire.FROM_CONTROL}, False),
+    ],
+)
+def test_an_end_code_out_of_noise_in_place_of_an_answer_leaves_the_host_waiting(
+    damage: dict[str, Any], excused: bool
+) -> None:
+    evidence, excuses = case("bridgeport", cnc={"mode": "D"}, **damage)
+    evidence.control_ends.append((18 * SECOND, Outcome.COMPLETE))
+    job, attempt = evidence.jobs[0], evidence.attempts[0]
+    wait = Wait(who=("host",), job=job, attempt=attempt, said=b"", heard=b"", told=END)
+    assert (excuses.waiting("host", wait) == Undetectable.FORGED_END) is excused

@@ -406,3 +406,16 @@ def test_an_end_code_out_of_noise(came: bytes, mode: str, ended: int, outcome: O
     attempt.got = 3
     evidence.control_ends.append((ended * SECOND, outcome))
     assert bool(excuses.less(evidence.attempts, evidence.jobs[0], 8)) is excused
+
+
+@pytest.mark.parametrize(
+    ("brought", "who", "excused"),
+    [(b"SET0200", "control", False), (b"SET2000", "control", True), (b"SET2000", "host", False)],
+)
+def test_a_control_whose_to_came_otherwise_may_go_on_behind_its_reset(brought: bytes, who: str, excused: bool) -> None:
+    """Two characters of a SET changed places, and its sum is right."""
+    total = b"%02X" % (sum(b"SET0200\r") & 0xFF)
+    evidence, excuses = case("fanuc-a")
+    evidence.host.sent[:] = total + b"SET0200\r"
+    evidence.cnc.brought[:] = total + brought + b"\r"
+    assert (excuses.stuck(who) == Undetectable.SUM) is excused

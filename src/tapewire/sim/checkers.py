@@ -70,7 +70,7 @@ def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterato
         for who in wait.who:
             yield "nobody waits for ever", f"the {who} waits, and nothing more is to come", excuses.waiting(who, wait)
     for who in evidence.stuck:
-        yield "what is ended by hand ends", f"the {who} did not end after RESET and giving up", ""
+        yield "what is ended by hand ends", f"the {who} did not end after RESET and giving up", excuses.stuck(who)
     for moment, count, allowed in evidence.overruns:
         if count > allowed:
             what = f"{count} characters after a stop at {moment / 1e9:.3f} s, {allowed} allowed"

@@ -20,6 +20,7 @@ __all__ = [
     "answered_unasked",
     "beside",
     "end_was_hidden",
+    "ended_unanswered",
     "gained",
     "lost",
     "record_never_came",
@@ -122,6 +123,15 @@ def record_never_came(evidence: Evidence, wait: Wait, ends: frozenset[int]) -> b
         begins = damage.place - 1
     first = not text_of(sent[attempt.place : begins])
     return (first or ends_record(sent[:begins], ends)) and ends_record(sent[begins:], ends)
+
+
+def ended_unanswered(evidence: Evidence, wait: Wait, unseen: Sequence[Damage], ends: frozenset[int]) -> bool:
+    """DNC LINK: noise was the end code while the host waited for ACK, and a control that has all of it answers nothing
+    more. `unseen` is damage of what the host says.
+    """
+    whole = [ended for ended, outcome in evidence.control_ends if outcome is Outcome.COMPLETE]
+    forged = [hit for hit in unseen if hit.told == wait.told and ends & (set(hit.plain) - set(hit.sent))]
+    return any(hit.moment <= ended and wait.job.covers(ended) for hit in forged for ended in whole)
 
 
 def end_was_hidden(evidence: Evidence, wait: Wait, ends: frozenset[int]) -> bool:

@@ -36,7 +36,7 @@ class Undetectable(StrEnum):
     GAVE_UP_HOLDING = "a control that gave up the line while it held the host"
 
     # Bridgeport
-    FORGED_END = "an end code forged in the middle of a text"
+    FORGED_END = "an end code forged in the middle of a program"
     END_CODE = "the end code lost behind a program that is whole"
     CHECK = "a check character of seven bits that cancels"
     REST = "the rest of a record behind a pause, whose check character fits by chance"

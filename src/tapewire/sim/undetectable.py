@@ -26,6 +26,7 @@ from tapewire.sim.mistaken import (
     answered_unasked,
     beside,
     end_was_hidden,
+    ended_unanswered,
     gained,
     lost,
     record_never_came,
@@ -359,6 +360,13 @@ class Excuses:
             return ""
         return made[0].name if made and not answered else Undetectable.READ_AS_TEXT
 
+    def stuck(self, who: str) -> str:
+        """Given up at one end, RESET at the other, and this one has not ended: a To that came otherwise (4.5)."""
+        if not self._is_a or who != "control":
+            return ""
+        brought = bytes(self._evidence.cnc.brought)
+        return Undetectable.SUM if cancelled_sums(self._evidence.host_lives, brought, self._n) else ""
+
     def overrun(self, moment: Nanos) -> str:
         """Too many characters came after a stop, on a path that would have stopped; told at `moment`."""
         since = max((attempt.began for attempt in self._evidence.attempts if attempt.began <= moment), default=0)
@@ -402,11 +410,14 @@ class Excuses:
         blind = silent or (self._is_b and er_was_hidden(self._evidence, wait.attempt))
         if blind and looks_like_a_stop(self._scenario, self._evidence, wait):
             return Undetectable.LOOKS_LIKE_STOP
+        unseen = self._unseen(Wire.FROM_HOST, job)
         lost = (wait.said != wait.heard and self._touched(job)) or self._last_was_hit(wait)
         if lost or self._punch_out_was_hit(wait):
             return Undetectable.CODE
         if self._linked and self._sends and record_never_came(self._evidence, wait, self._codes.record_ends):
             return Undetectable.NO_RECORD
+        if self._linked and self._sends and ended_unanswered(self._evidence, wait, unseen, self._codes.ends):
+            return Undetectable.FORGED_END
         if self._name_was_hit(wait):
             return Undetectable.DAMAGED_NAME
         if self._is_b and self._sends and wait.attempt is not None:
