@@ -41,7 +41,7 @@ DAT_HEADER: Final = 5
 """Sum and command stand before the data."""
 
 STATUS_LIMIT: Final[Nanos] = 60 * SECOND
-"""A control that goes on with GTD gets WAT for so long before its first SAT: an operator who was told has RESET it."""
+"""A control that goes on with GTD gets WAT for so long before the SAT it owes: an operator who was told has RESET it."""
 
 
 class FanucAHost(HostLine):
@@ -214,7 +214,7 @@ class FanucAHost(HostLine):
     def _stand_at_beginning(self) -> None:
         """Whatever is asked for now is the beginning of a program, not the middle of one."""
         self._fresh = True
-        self._told -= {"unserved", "middle", "status"}
+        self._told -= {"unserved", "middle", "status", "obstacle"}
         if self._state is State.FINISHED:
             self._state = State.IDLE
 
@@ -340,24 +340,25 @@ class FanucAHost(HostLine):
         SAT that could be answered by SET: Tw is at most Tp (4.5).
         """
         asks = "the control asks for the program (GTD) and has not told its parameters (SAT)"
-        if "status" not in self._told:
-            self._told.add("status")
-            self._asked_at = now
-            self._events.put(Notice(text=f"the program waits: {asks}; RESET it, and start it some seconds later"))
-        if now - self._asked_at > STATUS_LIMIT:
-            self._fail_unsent(f"nothing was sent: {asks} for {STATUS_LIMIT // SECOND} s", now)
-        else:
-            self._say(Command.WAT)
+        self._await_sat("status", asks, now)
 
     def _meet_obstacle(self, obstacle: str, now: Nanos) -> None:
         """Wait as long as SET may still remove it."""
         if self._agreement.refused:
             self._fail_unsent(f"nothing was sent: {obstacle}", now)
-            return
-        if "obstacle" not in self._told:
-            self._told.add("obstacle")
-            self._events.put(Notice(text=f"the program waits: {obstacle}"))
-        self._say(Command.WAT)
+        else:
+            self._await_sat("obstacle", obstacle, now)
+
+    def _await_sat(self, key: str, problem: str, now: Nanos) -> None:
+        """Only SET can end the `problem`, and the control asks for the program: WAT, while an operator may RESET it."""
+        if key not in self._told:
+            self._told.add(key)
+            self._asked_at = now
+            self._events.put(Notice(text=f"the program waits: {problem}; RESET it, and start it some seconds later"))
+        if now - self._asked_at > STATUS_LIMIT:
+            self._fail_unsent(f"nothing was sent: {problem} for {STATUS_LIMIT // SECOND} s", now)
+        else:
+            self._say(Command.WAT)
 
     def _tell_middle(self) -> None:
         if "middle" not in self._told:

@@ -7,13 +7,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final, TypeAlias
 
-from tapewire.engine import SECOND, Nanos, Timers
+from tapewire.engine import SECOND, LineFault, Nanos, Timers
 from tapewire.protocols.fanuc_a.host_agreement import Agreement
 from tapewire.protocols.fanuc_a.host_law import Timer
 from tapewire.protocols.fanuc_a.host_outbox import Outbox, Span
 from tapewire.protocols.fanuc_a.messages import (
     LONGEST_DATA,
     Command,
+    Error,
     Message,
     Reading,
     RetryReason,
@@ -29,6 +30,9 @@ Heard: TypeAlias = Reading | MonitorPacket | BadMonitor
 
 _LONGEST_MESSAGE: Final = LONGEST_DATA + 6
 
+_SHORTEST_WORD: Final = 5
+"""Characters of a monitor packet (5.3); no message is shorter (4.1)."""
+
 
 class Exchange:
     """The line side of the host: what was said last, what is being heard, and how often it went wrong."""
@@ -41,6 +45,8 @@ class Exchange:
         self._heard_at: Nanos | None = None
         self._retries = 0
         self._overlapped = False
+        self._noise_began_at: Nanos = 0
+        self._lost = 0
         self.outbox = Outbox(params.coding)
         self.reader = HostReader(params.coding, longest=LONGEST_DATA)
 
@@ -54,6 +60,7 @@ class Exchange:
     def read(self, data: bytes, now: Nanos) -> Iterator[Heard]:
         """What can be made of `data`."""
         position = 0
+        self._lost = 0
         while position < len(data):
             if not self.reader.pending:
                 self._heard_at = now
@@ -71,22 +78,40 @@ class Exchange:
         elif self.reader.pending:
             self._timers.start(Timer.INTERBYTE, now + round(self._params.interbyte * SECOND))
 
-    def damage(self, now: Nanos) -> None:
-        """A character came damaged."""
+    def damage(self, fault: LineFault, now: Nanos) -> Unreadable | None:
+        """A character came damaged. Returns what may have been a whole word of the control: where nothing has begun,
+        as many as its shortest has, or a break, which is as long as it is, and nothing else would tell of it.
+        """
         self.begin(now)
         self.reader.damage()
-        self._timers.start(Timer.INTERBYTE, now + round(self._params.interbyte * SECOND))
+        self._lost = 0 if self.reader.pending else self._lost + 1
+        whole = self._lost >= _SHORTEST_WORD or (self._lost and fault is LineFault.BREAK)
+        if self._timers.running(Timer.QUIET):
+            self.wait_for_quiet(now)
+        else:
+            self._timers.start(Timer.INTERBYTE, now + round(self._params.interbyte * SECOND))
+        if not whole:
+            return None
+        self._lost = 0
+        return Unreadable(error=Error.BROKEN_OFF, raw=b"")
 
     def break_off(self) -> Unreadable | BadMonitor | None:
         """What has begun does not go on."""
+        self._lost = 0
         return self.reader.break_off()
 
     def wait_for_quiet(self, now: Nanos) -> None:
-        """RTY goes out when what could not be read is over: the control hears nothing while it sends (4.6 3))."""
+        """RTY goes out when what could not be read is over: the control hears nothing while it sends (4.6 3)).
+
+        What lasts longer than a control may be silent is no word of one. RTY goes out into it, and counts.
+        """
         self._timers.stop(Timer.INTERBYTE)
+        if not self._timers.running(Timer.QUIET):
+            self._noise_began_at = now
         still = self._timers.running(Timer.QUIET) and self._overlapped
         self._overlapped = still or not self.outbox.idle
-        self._timers.start(Timer.QUIET, now + self.outbox.quiet_time)
+        ceiling = max(now, self._noise_began_at + self._agreement.longest_silence)
+        self._timers.start(Timer.QUIET, min(now + self.outbox.quiet_time, ceiling))
 
     def wait_for_turn(self, timer: Timer, now: Nanos) -> bool:
         """True: what is due at `timer` waits until ours is out, and the control has had the time to answer it.
@@ -140,7 +165,7 @@ class Exchange:
 
     def ask_again(self) -> bool:
         """Say RTY; False when that has been done too often (15.10)."""
-        self.reader.break_off()
+        self.break_off()
         if self._out_of_retries():
             return False
         # The message that waits for its answer comes again, or it is not the control's last; until then none is due.
@@ -180,7 +205,10 @@ class Exchange:
             return
         since = max(self._heard_at, self.outbox.left_at or self._heard_at)
         margin = round(self._params.margin * SECOND)
-        self._timers.start(Timer.SILENCE, max(since + self._agreement.longest_silence, now) + margin)
+        due = since + self._agreement.longest_silence
+        # Each character of what never ends comes by here: the margin does not begin anew with it.
+        if due > now or not self._timers.running(Timer.SILENCE):
+            self._timers.start(Timer.SILENCE, max(due, now) + margin)
 
     def watch_from(self, armed_at: Nanos) -> None:
         """A program is armed while packets are on that hold nothing of it. A control that is still among them answers

@@ -127,7 +127,9 @@ class HostLine(ABC):
         """The message it belongs to is asked for again (4.6)."""
         if not self._closed:
             self._events.put(Violation(what=f"{fault} in what the control sent"))
-            self._exchange.damage(now)
+            word = self._exchange.damage(fault, now)
+            if word is not None:
+                self._hear(word, now)
             self._settle(now)
 
     def receive_signals(self, signals: SignalsIn, now: Nanos) -> None:
@@ -141,9 +143,16 @@ class HostLine(ABC):
         if self._er and not signals.dsr:
             self._interrupt(Outcome.FAILED, "the control's ER fell: it lost power or gave up the line", now)
             self._streaming.close()
+            self._withdraw_question()
             self._outbox.abandon()
         self._er = signals.dsr
         self._settle(now)
+
+    def _withdraw_question(self) -> None:
+        """The control that asked is gone: one that comes back begins anew, and would hear the answer in its place."""
+        self._drop_crossed()
+        for timer in (Timer.WAT, Timer.SOURCE, Timer.QUIET, Timer.REPEAT):
+            self._timers.stop(timer)
 
     def receive_closed(self, closure: Closure, reason: str, now: Nanos) -> None:
         self._closed = True
@@ -318,10 +327,10 @@ class HostLine(ABC):
     def _hear_nothing(self, what: str, now: Nanos, *, monitor: bool = False) -> None:
         """4.6: what arrived damaged is asked for again; among packets nothing can ask, so the transfer is held."""
         self._events.put(Violation(what=what))
-        self._drop_crossed()
         if self._streaming.our_turn:
             self._streaming.hold_damaged(now)
         elif not monitor and not self._timers.running(Timer.REPEAT):
+            self._drop_crossed()
             self._exchange.wait_for_quiet(now)
 
     def _hear_message(self, message: Message, now: Nanos) -> None:

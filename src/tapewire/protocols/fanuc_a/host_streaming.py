@@ -236,7 +236,8 @@ class Streaming:
         assert self._stream is not None
         self._take_back(self._stream)
         self._hold("what the control sent could not be read; it may have been DC3")
-        self._timers.start(Timer.DAMAGED, now + self._agreement.to + SECOND)
+        if not self._timers.running(Timer.DAMAGED):
+            self._timers.start(Timer.DAMAGED, now + self._agreement.to + SECOND)
 
     def _take_back(self, stream: PacketStream) -> None:
         """A packet of which nothing has been handed over is not under way (5.3)."""

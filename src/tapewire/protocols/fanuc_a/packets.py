@@ -325,6 +325,8 @@ class HostReader:
     def _finish_monitor(self) -> MonitorPacket | BadMonitor:
         raw, damaged = bytes(self._monitor), self._damaged
         self._forget_monitor()
+        # Damage before it belongs to nothing that follows: a message would count as damaged however much later.
+        self._messages.break_off()
         return BadMonitor(raw=raw) if damaged else _decode_monitor(raw)
 
     def _forget_monitor(self) -> None:
