@@ -49,7 +49,7 @@ from tapewire.protocols.bridgeport.host_law import (
 )
 from tapewire.protocols.bridgeport.host_reception import Reception, marks_of
 from tapewire.protocols.bridgeport.host_transmission import LinkRecords
-from tapewire.protocols.bridgeport.messages import STOP_CHARACTERS, ErLine, Name, Params, Parity, on_the_wire
+from tapewire.protocols.bridgeport.messages import STOP_CHARACTERS, ErLine, Params, Parity, on_the_wire
 from tapewire.protocols.bridgeport.text import TEXT
 from tapewire.protocols.settings import Switch
 
@@ -72,18 +72,8 @@ class BridgeportHost(Job):
     def __init__(self, params: Params) -> None:
         super().__init__(params)
         self._marks = marks_of(params)
-        self._pause_wanted = False
-        self._pause_told = False
         self._cts = True
         self._er = False
-
-    def hold_reception(self, now: Nanos) -> None:
-        """Ask the control to pause, now or as soon as it sends (3.1). It may still send three characters."""
-        self._pause_wanted = True
-
-    def release(self, now: Nanos) -> None:
-        """Let it go on."""
-        self._pause_wanted = False
 
     @property
     def needs_stop_distance(self) -> int:
@@ -123,6 +113,7 @@ class BridgeportHost(Job):
             self._timers.start(Timer.DAMAGED, now + DAMAGED_WAIT)
         else:
             self._doubt(fault)
+            self._doubt_head(fault, now)
 
     def receive_signals(self, signals: SignalsIn, now: Nanos) -> None:
         """Where the line shows whether the control is switched on, its going off ends the job."""
@@ -304,7 +295,7 @@ class BridgeportHost(Job):
             case Heard.NAK:
                 self._on_nak(now)
             case Heard.END:
-                self._on_end(now)
+                self._on_end(character, now)
             case Heard.TEXT:
                 self._on_uninvited(character, now)
 
@@ -439,14 +430,22 @@ class BridgeportHost(Job):
         if self._held and self._params.xoff_ack_grace:
             self._start(Timer.GRACE, self._params.xoff_ack_grace, now)
 
-    def _on_end(self, now: Nanos) -> None:
+    def _on_end(self, character: int, now: Nanos) -> None:
         """The end of a name or of a program, or what closes it after that (1.1, 1.2.2)."""
         if self._state is State.SAVED:
+            return
+        if self._state is State.REST:
+            self._behind = ""
+            self._ignore(Heard.END, character)
             return
         reception = self._reception
         assert reception is not None
         self._timers.stop(Timer.TEXT)
         name = reception.finish()
+        if reception.problem:
+            self._end(Outcome.FAILED, reception.problem, now)
+            self._behind = ""
+            return
         if self._params.closing_dc3 is Switch.ON:
             self._replies.append(self._params.xoff)
         self._state = State.REST
@@ -462,18 +461,9 @@ class BridgeportHost(Job):
             self._name = None
             self._events.put(Notice(text=f"{reception.count:,} bytes of it were dropped"))
 
-    def _take_name(self, name: Name) -> None:
-        self._name = name
-        if name.usual:
-            return
-        said = name.raw.decode("ascii", "backslashreplace").strip()
-        known = f"taken as the number {name.number}" if name.number else "no number in it"
-        self._events.put(Notice(text=f"the control sent the unusual name {said!r}: {known}"))
-
     def _on_uninvited(self, character: int, now: Nanos) -> None:
         """Text at rest: a program, where the control sends as to a tape punch."""
-        shelf = self._arming.shelf if self._arming is not None else None
-        if self._params.punch_mode is Switch.OFF or shelf is None or character not in TEXT:
+        if self._punch_shelf is None or character not in TEXT:
             self._ignore(Heard.TEXT, character)
             return
         behind = self._behind
@@ -482,17 +472,3 @@ class BridgeportHost(Job):
         assert self._reception is not None
         self._reception.behind = behind
         self._reception.take(bytes([character]))
-
-    def _on_silence(self, now: Nanos) -> None:
-        """The control said nothing more, and no end code."""
-        if self._pause_told:
-            self._start(Timer.TEXT, self._params.text_timeout, now)
-            return
-        silence = f"silence of {self._params.text_timeout:g} s"
-        behind = self._break_off()
-        if self._in_transfer:
-            self._end(Outcome.FAILED, f"{silence} inside the program, and no end of it", now)
-        else:
-            self._events.put(Violation(what=f"{silence} where a name or a program was announced"))
-            self._rest()
-        self._behind = behind

@@ -23,6 +23,7 @@ from tapewire.engine import (
     Source,
     Started,
     Timers,
+    Violation,
 )
 from tapewire.errors import UsageError
 from tapewire.protocols.bridgeport.host_arming import Arming, Library, OneProgram, OneSink, Policy, Shelf
@@ -33,6 +34,7 @@ from tapewire.protocols.bridgeport.host_transmission import LinkRecords, LoadTex
 from tapewire.protocols.bridgeport.messages import Mode, Name, Params, WhenMissing
 from tapewire.protocols.bridgeport.records import LINK_TEXT_BYTES
 from tapewire.protocols.delivery import Delivery
+from tapewire.protocols.settings import Switch
 
 __all__ = ["AGAIN", "ASK_AGAIN", "Job"]
 
@@ -90,7 +92,9 @@ class Job:
         self._transmission: Transmission | None = None
         self._reception: Reception | None = None
         self._behind = ""
-        """At rest: what came before the silence and had no end; empty where there is none."""
+        """At rest: what came before and had no end; empty where there is none."""
+        self._pause_wanted = False
+        self._pause_told = False
         self._replies = bytearray()
         self._held = False
         self._ended_at: Nanos | None = None
@@ -130,6 +134,14 @@ class Job:
         if self._has_job and self._ending is None:
             self._end(Outcome.CANCELLED, f"given up here; {AGAIN}", now)
         self._arming = None
+
+    def hold_reception(self, now: Nanos) -> None:
+        """Ask the control to pause, now or as soon as it sends (3.1). It may still send three characters."""
+        self._pause_wanted = True
+
+    def release(self, now: Nanos) -> None:
+        """Let it go on."""
+        self._pause_wanted = False
 
     @property
     def state(self) -> State:
@@ -357,6 +369,42 @@ class Job:
             self._note_stored()
         return self._reception.unended
 
+    def _take_name(self, name: Name) -> None:
+        self._name = name
+        if name.usual:
+            return
+        said = name.raw.decode("ascii", "backslashreplace").strip()
+        known = f"taken as the number {name.number}" if name.number else "no number in it"
+        self._events.put(Notice(text=f"the control sent the unusual name {said!r}: {known}"))
+
+    def _on_silence(self, now: Nanos) -> None:
+        """The control said nothing more, and no end code."""
+        if self._state is not State.RECEIVING:
+            self._behind = ""
+            return
+        if self._pause_told:
+            self._start(Timer.TEXT, self._params.text_timeout, now)
+            return
+        silence = f"silence of {self._params.text_timeout:g} s"
+        behind = self._break_off()
+        if self._in_transfer:
+            self._end(Outcome.FAILED, f"{silence} inside the program, and no end of it", now)
+        else:
+            self._events.put(Violation(what=f"{silence} where a name or a program was announced"))
+            self._rest()
+            self._behind = behind
+
+    def _doubt_head(self, fault: LineFault, now: Nanos) -> None:
+        """At rest, as to a tape punch, it may have been the first character of a program, which is lost then."""
+        if self._state is State.REST and self._punch_shelf is not None:
+            self._behind = self._behind or f"behind a damaged character ({fault})"
+            self._start(Timer.TEXT, self._params.text_timeout, now)
+
+    @property
+    def _punch_shelf(self) -> Shelf | None:
+        """Where programs that come without DC2 go, if they are taken."""
+        return self._arming.shelf if self._arming is not None and self._params.punch_mode is Switch.ON else None
+
     def _finish_saved(self, now: Nanos) -> None:
         assert self._reception is not None
         if self._reception.damage:
@@ -371,12 +419,13 @@ class Job:
 
         What was on its way is called back unless it is all the control is to have.
         """
-        self._break_off()
+        behind = self._break_off()
         had_job = self._has_job
         if self._in_transfer:
             self._ended_at = now
         self._held = self._held and outcome is not Outcome.CANCELLED and self._state in SENDING
         self._rest()
+        self._behind = "" if outcome is Outcome.CANCELLED else behind
         if not had_job:
             self._events.put(Notice(text=reason))
             return
