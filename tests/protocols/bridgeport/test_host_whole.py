@@ -144,3 +144,13 @@ def test_damage_before_an_announced_program_is_not_its_first_character(announced
     rig.say(announced)
     rig.hear(P + EOT)
     assert endings(rig) == [(Outcome.COMPLETE, len(P))]
+
+
+def test_damage_behind_what_had_no_end_does_not_make_it_forgotten() -> None:
+    rig, _ = punching()
+    rig.hear(b"N" * 100)
+    dsr_falls(rig)
+    rig.host.receive_line_fault(LineFault.PARITY, 0x25, rig.now)
+    rig.wait(31 * SECOND)
+    rig.hear(REST + EOT)
+    assert endings(rig) == [(Outcome.FAILED, 100), (Outcome.FAILED, len(REST))]

@@ -18,10 +18,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from tapewire.codes import name_of, with_even_parity
+from tapewire.codes import with_even_parity
 from tapewire.engine import (
     ALL_ON,
-    SECOND,
     Closure,
     Event,
     Held,
@@ -36,7 +35,7 @@ from tapewire.engine import (
     Violation,
 )
 from tapewire.protocols.bridgeport.code_table import SEVEN_BITS
-from tapewire.protocols.bridgeport.host_job import AGAIN, ASK_AGAIN, Job
+from tapewire.protocols.bridgeport.host_job import AGAIN, ASK_AGAIN
 from tapewire.protocols.bridgeport.host_law import (
     LAW,
     SENDING,
@@ -48,21 +47,18 @@ from tapewire.protocols.bridgeport.host_law import (
     heard_while_sending,
 )
 from tapewire.protocols.bridgeport.host_reception import Reception, marks_of
-from tapewire.protocols.bridgeport.host_transmission import LinkRecords
-from tapewire.protocols.bridgeport.messages import STOP_CHARACTERS, ErLine, Params, Parity, on_the_wire
+from tapewire.protocols.bridgeport.host_sending import Sending
+from tapewire.protocols.bridgeport.messages import STOP_CHARACTERS, ErLine, Name, Params, Parity, on_the_wire
 from tapewire.protocols.bridgeport.text import TEXT
 from tapewire.protocols.settings import Switch
 
 __all__ = ["LAW", "BridgeportHost", "State"]
 
-DAMAGED_WAIT: Final[Nanos] = 60 * SECOND
-"""A damaged character stops us, since it may have been XOFF: after so long without another, the job has failed."""
-
 _SEVEN_BITS: Final = bytes(byte & SEVEN_BITS for byte in range(256))
 _ODD_WEIGHT: Final = frozenset(byte for byte in range(256) if with_even_parity(byte & SEVEN_BITS) != byte)
 
 
-class BridgeportHost(Job):
+class BridgeportHost(Sending):
     """A host computer on REMOTE LOAD and DNC LINK. A HostEngine.
 
     When a job does not end complete, `Ended.bytes_low` are, in DNC LINK, the bytes of the records that the control
@@ -95,24 +91,16 @@ class BridgeportHost(Job):
         self._receive(data[begun:].translate(_SEVEN_BITS), now)
 
     def receive_line_fault(self, fault: LineFault, byte: int | None, now: Nanos) -> None:
-        """A damaged character is obeyed as no code: one wrong bit makes DC1 of DLE.
-
-        While we send it can hardly be anything but XOFF or a cancel, so we stop: a pause is better than an overrun.
-        """
+        """A damaged character is obeyed as no code: one wrong bit makes DC1 of DLE."""
         self._events.put(Violation(what=f"{fault} in what the control sent"))
         if self._state is State.RECEIVING:
             assert self._reception is not None
             self._reception.line_fault(fault, None if byte is None else byte & SEVEN_BITS)
             self._note_received(now)
         elif self._more_to_send:
-            self._note_certain(now)
-            self._may_be_over = True
-            if not self._held:
-                self._held = True
-                self._events.put(Held(why=f"{fault}: it may have been XOFF"))
-            self._timers.start(Timer.DAMAGED, now + DAMAGED_WAIT)
+            self._on_fault_while_sending(fault, now)
         else:
-            self._doubt(fault)
+            self._doubt(fault, now)
             self._doubt_head(fault, now)
 
     def receive_signals(self, signals: SignalsIn, now: Nanos) -> None:
@@ -128,6 +116,8 @@ class BridgeportHost(Job):
         self._break_off()
         if self._in_transfer:
             self._end(Outcome.FAILED, "DSR fell: the control lost power or its cable", now)
+        else:
+            self._lose_the_control()
 
     def receive_closed(self, closure: Closure, reason: str, now: Nanos) -> None:
         orderly = closure is Closure.ORDERLY
@@ -266,18 +256,6 @@ class BridgeportHost(Job):
         self._obey(heard, character, now)
         assert self._state in allowed, f"{heard} led from {state} to {self._state}"
 
-    def _note_certain(self, now: Nanos) -> None:
-        """What came damaged may have been the end of the transfer: until XON nothing behind it proves more."""
-        if not self._may_be_over:
-            self._certain = self._delivery.certain(now)
-
-    def _ignore(self, heard: Heard, character: int) -> None:
-        """What has no row in the table: in silence if it may be half of a cancel pair, or blank tape."""
-        if self._state not in SENDING and character in self._params.cancel_tail | self._params.ignore_rx:
-            return
-        what = "characters that are no codes" if heard is Heard.TEXT else name_of(character)
-        self._events.put(Violation(what=f"the control sent {what} while this end was {self._state.value}"))
-
     def _obey(self, heard: Heard, character: int, now: Nanos) -> None:
         match heard:
             case Heard.OPEN_WRITE:
@@ -322,11 +300,6 @@ class BridgeportHost(Job):
         self._state = State.RECEIVING
         self._start(Timer.TEXT, self._params.text_timeout, now)
 
-    @property
-    def _end_has_left(self) -> bool:
-        """A control that begins anew, or goes, before the end has left this end has not had it."""
-        return not self._more_to_send and not self._delivery.in_flight
-
     def _on_request(self, now: Nanos) -> None:
         """1.2.1. In HOLD the control only repeats itself."""
         if self._state is State.HOLD:
@@ -342,93 +315,6 @@ class BridgeportHost(Job):
             self._events.put(Notice(text="XON after an XOFF at the end of the program: no request"))
             return
         self._serve(now)
-
-    def _on_cancel(self, character: int, now: Nanos) -> None:
-        """4.3.2: stop, throw the rest away, wait for another request. Nothing is answered."""
-        if self._state is State.REST and self._name is None:
-            self._spoilt_name = self._behind = ""
-            self._ignore(Heard.CANCEL, character)
-            return
-        whole = "sent whole, then " if self._state is State.TAIL and not self._more_to_send else ""
-        self._end(Outcome.CANCELLED, f"{whole}cancelled at the control ({name_of(character).split()[0]})", now)
-
-    def _on_xoff(self, character: int, now: Nanos) -> None:
-        """3.1, 3.2. At rest it may be one that crossed our last characters."""
-        if self._state is State.RECEIVING:
-            return
-        if self._state is State.REST:
-            self._held = self._just_ended(now)
-            self._ignore(Heard.XOFF, character)
-            return
-        was_damaged = self._timers.running(Timer.DAMAGED)
-        self._timers.stop(Timer.DAMAGED)
-        if self._held and not was_damaged:
-            return
-        self._held = True
-        if self._state is not State.TAIL or self._more_to_send:
-            self._events.put(Held(why="XOFF"))
-            self._start(Timer.PAUSE, self._params.pause_limit, now)
-
-    def _on_xon(self, character: int, now: Nanos) -> None:
-        if self._state is State.RECEIVING:
-            return
-        if self._held:
-            self._resume("XON")
-        elif self._state is State.TAIL:
-            self._events.put(Requested(served=False))
-        else:
-            self._ignore(Heard.XON, character)
-
-    def _resume(self, why: str) -> None:
-        for timer in (Timer.PAUSE, Timer.GRACE, Timer.DAMAGED):
-            self._timers.stop(timer)
-        self._held = self._may_be_over = False
-        self._events.put(Resumed(why=why))
-
-    def _on_ack(self, now: Nanos) -> None:
-        """4.2.1: the next record. While XOFF holds, 3.2 still wants an XON first."""
-        if not isinstance(self._transmission, LinkRecords):
-            self._on_answered_text(Heard.ACK, self._params.ack, now)
-            return
-        if self._state in (State.RECORD, State.TAIL) and not self._transmission.only_end_is_left:
-            self._ignore(Heard.ACK, self._params.ack)
-            self._transmission.ack_inside()
-        else:
-            self._answered(now)
-            self._transmission.ack()
-        self._follow(now)
-
-    def _on_nak(self, now: Nanos) -> None:
-        """4.2.1: the same record; one that is still going out is finished first."""
-        if not isinstance(self._transmission, LinkRecords):
-            self._on_answered_text(Heard.NAK, self._params.nak, now)
-            return
-        if self._state is State.TAIL:
-            self._on_refused_end(now)
-            return
-        self._events.put(Violation(what="NAK: a record arrived damaged"))
-        self._answered(now)
-        self._transmission.nak()
-        self._follow(now)
-
-    def _on_answered_text(self, heard: Heard, character: int, now: Nanos) -> None:
-        if self._has_guessed:
-            self._end_guess(name_of(character).split()[0], now)
-        else:
-            self._ignore(heard, character)
-
-    def _on_refused_end(self, now: Nanos) -> None:
-        """The text knows no such answer, but it is none that says the program is in."""
-        if self._more_to_send:
-            self._ignore(Heard.NAK, self._params.nak)
-            return
-        why = "sent whole, but the control answers the end with NAK: look there whether the program is in; dnc_end says"
-        self._end(Outcome.FAILED, f"{why} what else the end may be", now)
-
-    def _answered(self, now: Nanos) -> None:
-        self._timers.stop(Timer.ACK)
-        if self._held and self._params.xoff_ack_grace:
-            self._start(Timer.GRACE, self._params.xoff_ack_grace, now)
 
     def _on_end(self, character: int, now: Nanos) -> None:
         """The end of a name or of a program, or what closes it after that (1.1, 1.2.2)."""
@@ -461,6 +347,14 @@ class BridgeportHost(Job):
             self._name = None
             self._events.put(Notice(text=f"{reception.count:,} bytes of it were dropped"))
 
+    def _take_name(self, name: Name) -> None:
+        self._name = name
+        if name.usual:
+            return
+        said = name.raw.decode("ascii", "backslashreplace").strip()
+        known = f"taken as the number {name.number}" if name.number else "no number in it"
+        self._events.put(Notice(text=f"the control sent the unusual name {said!r}: {known}"))
+
     def _on_uninvited(self, character: int, now: Nanos) -> None:
         """Text at rest: a program, where the control sends as to a tape punch."""
         if self._punch_shelf is None or character not in TEXT:
@@ -472,3 +366,20 @@ class BridgeportHost(Job):
         assert self._reception is not None
         self._reception.behind = behind
         self._reception.take(bytes([character]))
+
+    def _on_silence(self, now: Nanos) -> None:
+        """The control said nothing more, and no end code."""
+        if self._state is not State.RECEIVING:
+            self._behind = ""
+            return
+        if self._pause_told:
+            self._start(Timer.TEXT, self._params.text_timeout, now)
+            return
+        silence = f"silence of {self._params.text_timeout:g} s"
+        behind = self._break_off()
+        if self._in_transfer:
+            self._end(Outcome.FAILED, f"{silence} inside the program, and no end of it", now)
+        else:
+            self._events.put(Violation(what=f"{silence} where a name or a program was announced"))
+            self._rest()
+            self._behind = behind

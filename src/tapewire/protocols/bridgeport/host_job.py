@@ -23,7 +23,6 @@ from tapewire.engine import (
     Source,
     Started,
     Timers,
-    Violation,
 )
 from tapewire.errors import UsageError
 from tapewire.protocols.bridgeport.host_arming import Arming, Library, OneProgram, OneSink, Policy, Shelf
@@ -320,12 +319,16 @@ class Job:
         """Nothing acknowledges a text (2.1): a control that answers it wanted records, and keeps nothing of this."""
         self._end(Outcome.FAILED, f"{answer} to a text, as to a record of DNC LINK: {GUESSED}; {AGAIN}", now)
 
-    def _doubt(self, fault: LineFault) -> None:
+    def _note_certain(self, now: Nanos) -> None:
+        """What came damaged may have been the end of the transfer: until XON nothing behind it proves more."""
+        if not self._may_be_over:
+            self._certain = self._delivery.certain(now)
+
+    def _doubt(self, fault: LineFault, now: Nanos) -> None:
         """Nothing of ours is under way, so it may have been a cancel: what hangs on its not being one is doubtful."""
         match self._state:
-            case State.TAIL if self._tail_verdict is None:
-                why = "sent whole, then a damaged character came, which may have been a cancel: see at the control"
-                self._tail_verdict = Outcome.FAILED, f"{why} whether the program is in"
+            case State.TAIL:
+                self._doubt_the_end(now)
             case State.SAVED:
                 assert self._reception is not None
                 self._reception.damage = self._reception.damage or f"{fault} behind its end"
@@ -337,8 +340,29 @@ class Job:
                 self._events.put(Notice(text=why))
             case State.REST if self._name is not None:
                 self._name, self._spoilt_name = None, f"{fault} behind it"
+            case State.REST:
+                self._held = self._held or self._just_ended(now)
             case _:
                 pass
+
+    def _doubt_the_end(self, now: Nanos) -> None:
+        """It may have been XOFF, too, and then an XON is still due, which is no request."""
+        self._note_certain(now)
+        self._held = self._may_be_over = True
+        if self._tail_verdict is None:
+            why = "sent whole, then a damaged character came, which may have been a cancel: see at the control"
+            self._tail_verdict = Outcome.FAILED, f"{why} whether the program is in"
+
+    def _lose_the_control(self) -> None:
+        """DSR fell and no program is under way: the control, or the one that comes back, has asked for nothing."""
+        behind = self._break_off() or self._behind
+        if self._state is State.HOLD:
+            self._events.put(Notice(text=f"DSR fell: {self._what} is not waited for any more"))
+        spoilt = self._spoilt_name
+        if self._state is State.RECEIVING or (self._state is State.REST and self._name is not None):
+            spoilt = "DSR fell inside it or behind it"
+        self._rest()
+        self._spoilt_name, self._behind = spoilt, behind
 
     # a program from the control
 
@@ -369,35 +393,10 @@ class Job:
             self._note_stored()
         return self._reception.unended
 
-    def _take_name(self, name: Name) -> None:
-        self._name = name
-        if name.usual:
-            return
-        said = name.raw.decode("ascii", "backslashreplace").strip()
-        known = f"taken as the number {name.number}" if name.number else "no number in it"
-        self._events.put(Notice(text=f"the control sent the unusual name {said!r}: {known}"))
-
-    def _on_silence(self, now: Nanos) -> None:
-        """The control said nothing more, and no end code."""
-        if self._state is not State.RECEIVING:
-            self._behind = ""
-            return
-        if self._pause_told:
-            self._start(Timer.TEXT, self._params.text_timeout, now)
-            return
-        silence = f"silence of {self._params.text_timeout:g} s"
-        behind = self._break_off()
-        if self._in_transfer:
-            self._end(Outcome.FAILED, f"{silence} inside the program, and no end of it", now)
-        else:
-            self._events.put(Violation(what=f"{silence} where a name or a program was announced"))
-            self._rest()
-            self._behind = behind
-
     def _doubt_head(self, fault: LineFault, now: Nanos) -> None:
         """At rest, as to a tape punch, it may have been the first character of a program, which is lost then."""
-        if self._state is State.REST and self._punch_shelf is not None:
-            self._behind = self._behind or f"behind a damaged character ({fault})"
+        if self._state is State.REST and self._punch_shelf is not None and not self._behind:
+            self._behind = f"behind a damaged character ({fault})"
             self._start(Timer.TEXT, self._params.text_timeout, now)
 
     @property
@@ -423,7 +422,6 @@ class Job:
         had_job = self._has_job
         if self._in_transfer:
             self._ended_at = now
-        self._held = self._held and outcome is not Outcome.CANCELLED and self._state in SENDING
         self._rest()
         self._behind = "" if outcome is Outcome.CANCELLED else behind
         if not had_job:

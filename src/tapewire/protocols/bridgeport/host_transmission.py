@@ -298,7 +298,7 @@ class LinkRecords:
                 f"an ACK came inside record {self._index + 1} and a NAK behind it: the control may have taken a part "
                 "for the whole"
             )
-        elif self.state is State.RECORD and (self._wanted or not self._offset):
+        elif self.state is State.TAIL or (self.state is State.RECORD and (self._wanted or not self._offset)):
             self._refused_before_it_began()
         elif self.state is State.RECORD:
             self._asked_again = True
