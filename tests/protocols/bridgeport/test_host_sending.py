@@ -15,6 +15,7 @@ from tapewire.engine import (
     Outcome,
     Requested,
     SignalsIn,
+    Started,
 )
 from tapewire.protocols.bridgeport.host_arming import Policy
 from tapewire.protocols.bridgeport.host_law import State
@@ -29,6 +30,7 @@ from tests.protocols.bridgeport.host_rig import (
     LINES,
     NAK,
     Books,
+    Drawer,
     P,
     Rig,
     linked,
@@ -189,3 +191,113 @@ def test_an_xoff_that_came_damaged_at_the_end_has_its_xon_too(listening: bool) -
     rig.host.start(BytesIO(P), rig.now)
     assert rig.wait(SECOND // 2).say(DC1) == b""
     assert rig.say(DC1) == P + EOT
+
+
+# 2, a source that has nothing yet
+
+
+class Late:
+    """A source that gives these pieces, None for *nothing yet*, and then no more."""
+
+    def __init__(self, *pieces: bytes | None) -> None:
+        self._pieces = list(pieces)
+
+    def read(self, size: int) -> bytes | None:
+        return self._pieces.pop(0) if self._pieces else b""
+
+
+def late(word: bytes, *pieces: bytes | None, **settings: str) -> Rig:
+    rig = Rig(None, **settings)
+    rig.host.start(Late(*pieces), 0)
+    return rig.name(word).hear(DC1)
+
+
+@pytest.mark.parametrize("word", [b"77;L", b"77;D", b"77"])
+@pytest.mark.parametrize("first_record", ["at_once", "on_ack"])
+@pytest.mark.parametrize("dnc_end", ["eot_on_ack", "empty_then_eot"])
+@pytest.mark.parametrize("answer", [b"", ACK, NAK])
+@pytest.mark.parametrize("waits", [0, 1, 2])
+@pytest.mark.parametrize("end", [b"", EOT])
+def test_an_empty_program_sends_nothing_however_late_that_is_known(
+    word: bytes, first_record: str, dnc_end: str, answer: bytes, waits: int, end: bytes
+) -> None:
+    rig = late(word, *[None] * waits, end, first_record=first_record, dnc_end=dnc_end)
+    rig.hear(answer).wait(SECOND // 10)
+    assert rig.take() == b""
+    if rig.host.state is State.WAIT_ACK:
+        rig.hear(ACK).wait(SECOND // 10)
+    assert rig.take() == b""
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+    assert rig.end.reason == "the program is empty: nothing was sent"
+
+
+@pytest.mark.parametrize("waits", [0, 1, 3])
+@pytest.mark.parametrize(("size", "by"), [(12000, "REMOTE LOAD"), (12001, "DNC LINK")])
+def test_2_1_1_2_2_1_what_a_name_without_a_letter_wants_is_guessed_when_the_length_is_known(
+    waits: int, size: int, by: str
+) -> None:
+    rig = late(b"77", *[None] * waits, b"X" * 6000, *[None] * waits, b"X" * (size - 6000))
+    rig.wait(SECOND // 10)
+    assert len(rig.take()) == (12001 if by == "REMOTE LOAD" else 258)
+    assert [event.why for event in rig.events if isinstance(event, Started)] == [f"program 77 by {by}"]
+
+
+def test_2_2_1_a_short_program_is_told_however_late_that_is_known() -> None:
+    rig = late(b"77;D", None, b"X" * 300, None)
+    rig.wait(SECOND // 10).take()
+    rig.hear(ACK).wait(SECOND // 10).take()
+    rig.hear(ACK).take()
+    texts = [event.text for event in rig.events if isinstance(event, Notice)]
+    assert texts == ["300 bytes by DNC LINK: 12,000 or less are for ;L (2.2.1)"]
+
+
+def test_2_2_1_of_a_long_program_nothing_is_told_however_late() -> None:
+    rig = late(b"77;D", None, b"X" * 6000, None, b"X" * 6001)
+    said = b""
+    while rig.end is None and (more := rig.wait(SECOND // 10).take()):
+        said += more
+        rig.hear(ACK)
+    assert said.count(b"X") == 12001
+    assert rig.of(Notice) == []
+
+
+@pytest.mark.parametrize("word", [b"77;D", b"77"])
+def test_4_2_1_the_first_ack_may_be_limited_too(word: bytes) -> None:
+    rig = Rig(b"X" * 12001, first_record="on_ack", ack_limit="5").name(word)
+    assert rig.say(DC1) == b""
+    rig.wait(6 * SECOND)
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+    assert "within 5 s" in rig.end.reason
+
+
+# jobs one behind the other
+
+
+def test_an_empty_program_for_one_that_is_missing_counts_no_byte_of_what_was_saved_before() -> None:
+    rig = Rig(None, missing="eot")
+    rig.host.serve(Books({}), 0, shelf=Drawer())
+    rig.say(DC2)
+    rig.hear(P + EOT, DC1)
+    assert rig.take() == EOT
+    rig.wait(3 * SECOND)
+    ends = [(event.outcome, event.bytes_low, event.bytes_high) for event in rig.events if isinstance(event, Ended)]
+    assert ends == [(Outcome.COMPLETE, 18, 18), (Outcome.FAILED, 0, 0)]
+
+
+@pytest.mark.parametrize("recalled", [0, 2])
+def test_of_two_jobs_that_end_in_one_breath_each_is_told(recalled: int) -> None:
+    """What is still on its way when the second ends is called back, though none of it is of the second."""
+    rig = Rig(None)
+    rig.host.serve(Books({"1": P * 3, "2": P}), 0)
+    rig.name(b"1;L").hear(DC1)
+    assert len(rig.hand_over(3)) == 3
+    rig.host.receive_data(DC2 + b"2;L" + DC4 + DC1 + DLE, rig.now)
+    assert rig.host.recall
+    rig.settle(recalled=recalled)
+    assert not rig.host.recall
+    assert rig.take() == b""
+    ends = [(event.outcome, event.bytes_low, event.bytes_high) for event in rig.events if isinstance(event, Ended)]
+    assert ends == [(Outcome.FAILED, 0, 3), (Outcome.CANCELLED, 0, 0)]
+    assert len(rig.of(Started)) == 2

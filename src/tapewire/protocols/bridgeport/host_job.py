@@ -29,9 +29,8 @@ from tapewire.protocols.bridgeport.host_arming import Arming, Library, OneProgra
 from tapewire.protocols.bridgeport.host_law import SENDING, State, Timer
 from tapewire.protocols.bridgeport.host_reception import Reception
 from tapewire.protocols.bridgeport.host_text import Text
-from tapewire.protocols.bridgeport.host_transmission import LinkRecords, LoadText, Transmission
+from tapewire.protocols.bridgeport.host_transmission import Guess, LinkRecords, LoadText, Transmission
 from tapewire.protocols.bridgeport.messages import Mode, Name, Params, WhenMissing
-from tapewire.protocols.bridgeport.records import LINK_TEXT_BYTES
 from tapewire.protocols.delivery import Delivery
 from tapewire.protocols.settings import Switch
 
@@ -89,6 +88,7 @@ class Job:
         self._spoilt_name = ""
         """What was wrong with the name before the request that is due; empty while nothing was."""
         self._transmission: Transmission | None = None
+        self._asked_for = ""
         self._reception: Reception | None = None
         self._behind = ""
         """At rest: what came before and had no end; empty where there is none."""
@@ -246,39 +246,51 @@ class Job:
         """An empty program, which is what the control is told where `missing` says so."""
         self._tail_verdict = Outcome.FAILED, f"there is no {self._what}: an empty program was sent"
         self._name = None
-        self._transmission = None
-        self._delivery = Delivery(stale=self._delivery.on_the_way)
+        self._forget_the_last()
         self._replies[:] = bytes([self._params.text_end])
         self._state = State.TAIL
 
     def _begin(self, source: Source, now: Nanos) -> None:
         name, self._name = self._name, None
         text = Text(source, self._params)
-        mode = name.mode if name is not None else Mode.LOAD
-        if mode is None:
-            # An unusual name without a letter: 2.1.1 and 2.2.1 say by the length which it must be.
-            text.fill(LINK_TEXT_BYTES + 1)
-            mode = Mode.LOAD if len(text.ahead) <= LINK_TEXT_BYTES else Mode.LINK
-        if mode is Mode.LOAD:
-            guessed = name is not None and name.mode is None
-            self._transmission = LoadText(text, self._params, named=name is not None, guessed=guessed)
-        else:
-            self._transmission = LinkRecords(text, self._params)
-        self._reception = None
+        self._forget_the_last()
         self._replies.clear()
+        self._tail_verdict = None
+        self._asked_for = _called(name)
+        match name.mode if name is not None else Mode.LOAD:
+            case Mode.LOAD:
+                self._take_up(LoadText(text, self._params, named=name is not None), now)
+            case Mode.LINK:
+                self._take_up(LinkRecords(text, self._params), now)
+            case None:
+                self._transmission = Guess(text, self._params)
+                self._state = self._transmission.state
+                self._pump(now)
+
+    def _take_up(self, transmission: LoadText | LinkRecords, now: Nanos) -> None:
+        by = "REMOTE LOAD" if isinstance(transmission, LoadText) else "DNC LINK"
+        self._events.put(Started(why=f"{self._asked_for} by {by}"))
+        self._transmission = transmission
+        self._state = transmission.state
+        self._pump(now)
+        if self._state is State.WAIT_ACK:
+            self._start(Timer.ACK, self._params.ack_limit, now)
+
+    def _forget_the_last(self) -> None:
+        """What is told of the job that begins is its own."""
+        self._reception = self._transmission = None
         self._delivery = Delivery(stale=self._delivery.on_the_way)
         self._certain = 0
         self._may_be_over = False
-        self._tail_verdict = None
-        by = "REMOTE LOAD" if mode is Mode.LOAD else "DNC LINK"
-        self._events.put(Started(why=f"{_called(name)} by {by}"))
-        self._state = self._transmission.state
-        self._pump(now)
 
     def _pump(self, now: Nanos) -> None:
-        assert self._transmission is not None
-        self._transmission.pump()
-        self._follow(now)
+        transmission = self._transmission
+        assert transmission is not None
+        transmission.pump()
+        if isinstance(transmission, Guess) and transmission.chosen is not None:
+            self._take_up(transmission.chosen, now)
+        else:
+            self._follow(now)
 
     def _follow(self, now: Nanos) -> None:
         """Take over where the transmission stands."""
@@ -429,6 +441,7 @@ class Job:
             return
         if self._arming is not None and self._arming.policy is Policy.ONCE:
             self._arming = None
+        self._finish()
         self._ending = _Ending(
             outcome=outcome,
             reason=reason,
@@ -437,7 +450,7 @@ class Job:
             delivery=self._delivery,
             certain=self._certain,
         )
-        self._recall = outcome is not Outcome.COMPLETE and self._delivery.in_flight > 0
+        self._recall = outcome is not Outcome.COMPLETE and self._delivery.on_the_way > 0
         if not self._recall:
             self._finish()
 

@@ -23,10 +23,12 @@ from tapewire.protocols.bridgeport.records import (
 )
 from tapewire.protocols.settings import Switch
 
-__all__ = ["LinkRecords", "LoadText", "Transmission"]
+__all__ = ["Guess", "LinkRecords", "LoadText", "Transmission"]
 
 RECORD_CODES: Final = 2
 """Behind the text of a record: its end code and its check character (2.2)."""
+
+EMPTY: Final = "the program is empty: nothing was sent"
 
 TRIES_PER_CANDIDATE: Final = 2
 """The second NAK of the first record speaks against the candidate; the first may have been a disturbance."""
@@ -94,7 +96,7 @@ class LoadText:
                 "nothing was sent: ask for it by DNC LINK (;D)"
             )
         elif not self._text.ahead:
-            self.problem = "the program is empty: nothing was sent"
+            self.problem = EMPTY
         else:
             self._wire = self._text.ahead + (self._end_code if self._ends or self._text.own_end else b"")
 
@@ -114,6 +116,39 @@ class LoadText:
     @property
     def position(self) -> int:
         return min(self._offset, self._text.count)
+
+
+class Guess:
+    """An unusual name without a letter: 2.1.1 and 2.2.1 say by the length which it must be, once that is known."""
+
+    def __init__(self, text: Text, params: Params) -> None:
+        self._text = text
+        self._params = params
+        self.chosen: LoadText | LinkRecords | None = None
+        """What it became. Nothing is sent before."""
+        self.state = State.TEXT
+        self.problem = ""
+        self.notices: list[str] = []
+        self.position = 0
+        self.proven: int | None = 0
+
+    def pump(self) -> None:
+        ready = self._text.fill(LINK_TEXT_BYTES + 1)
+        self.problem = self._text.problem
+        if ready and len(self._text.ahead) <= LINK_TEXT_BYTES:
+            self.chosen = LoadText(self._text, self._params, named=True, guessed=True)
+        elif ready:
+            self.chosen = LinkRecords(self._text, self._params)
+
+    @property
+    def starved(self) -> bool:
+        return self.chosen is None and not self.problem
+
+    def look(self, limit: int) -> bytes:
+        return b""
+
+    def hand_over(self, count: int) -> None:
+        assert not count, "nothing was offered"
 
 
 class LinkRecords:
@@ -148,23 +183,25 @@ class LinkRecords:
             return
         ready = self._text.fill(self._params.record_bytes + 1)
         self.problem = self._text.problem
-        if ready:
+        if ready and not self._index and not self._text.ahead:
+            self.problem = EMPTY
+        elif ready:
             self._wanted = False
             self._prepare()
 
     def _look_at_length(self) -> None:
-        """2.2.1 wants more than 12000 bytes; a shorter program is served and the operator told."""
+        """2.2.1 wants more than 12000 bytes; a shorter program is served and the operator told, once that is known."""
         if self._looked_at_length:
             return
-        self._looked_at_length = True
-        self._text.fill(LINK_TEXT_BYTES + 1)
-        self.problem = self._text.problem
-        if self._text.exhausted and not self._text.ahead:
-            self.problem = "the program is empty: nothing was sent"
-        elif self._text.exhausted and len(self._text.ahead) <= LINK_TEXT_BYTES:
-            self.notices.append(
-                f"{self._text.count:,} bytes by DNC LINK: {LINK_TEXT_BYTES:,} or less are for ;L (2.2.1)"
-            )
+        text = self._text
+        self._looked_at_length = text.fill(LINK_TEXT_BYTES + 1)
+        self.problem = text.problem
+        if not self._looked_at_length or not text.exhausted or text.count - text.own_end > LINK_TEXT_BYTES:
+            return
+        if text.count - text.own_end:
+            self.notices.append(f"{text.count:,} bytes by DNC LINK: {LINK_TEXT_BYTES:,} or less are for ;L (2.2.1)")
+        else:
+            self.problem = EMPTY
 
     def _prepare(self) -> None:
         ahead = self._text.ahead

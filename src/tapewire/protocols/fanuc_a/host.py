@@ -125,6 +125,7 @@ class FanucAHost(HostLine):
 
     def _obey_message(self, message: Message, now: Nanos) -> None:
         command, before = message.command, self._state
+        self._drop_crossed()
         row = LAW.get((before, command))
         if row is None or self._is_out_of_place(command):
             self._events.put(Violation(what=f"{command.value} while {before.value}"))
@@ -431,7 +432,10 @@ class FanucAHost(HostLine):
         self._say(Command.DAT, data, Span(base=base, header=DAT_HEADER, length=len(data)))
 
     def _wait_for_source(self, now: Nanos) -> None:
-        """Never so long that the control would time out (To)."""
+        """Never so long that the control would time out (To). RTY in between draws WAT: this GTD says that the DAT
+        before it was taken, and what was said before the first GTD is no answer to it.
+        """
+        self._exchange.say_next_time(Message(command=Command.WAT))
         self._poll.again(now)
         if not self._timers.running(Timer.WAT):
             self._timers.start(Timer.WAT, now + min(round(self._params.wat_after * SECOND), self._agreement.to // 2))

@@ -143,6 +143,9 @@ class Exchange:
         self.reader.break_off()
         if self._out_of_retries():
             return False
+        # The message that waits for its answer comes again, or it is not the control's last; until then none is due.
+        self._timers.stop(Timer.WAT)
+        self._timers.stop(Timer.SOURCE)
         self.say(Message(command=Command.RTY, data=RetryReason.CHECKSUM.value))
         return True
 

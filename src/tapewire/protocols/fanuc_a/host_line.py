@@ -241,6 +241,8 @@ class HostLine(ABC):
                     self._exchange.repeat()
             case Timer.CROSSED:
                 self._on_crossed(now)
+            case Timer.SOURCE | Timer.WAT if self._timers.running(Timer.QUIET):
+                self._timers.start(timer, now + self._exchange.turn_time)
             case Timer.SOURCE | Timer.WAT if not self._streaming.active:
                 self._send_dat(now, late=timer is Timer.WAT)
             case Timer.KEEP_ALIVE:
@@ -340,7 +342,6 @@ class HostLine(ABC):
         if self._exchange.reader.pending or not self._outbox.idle:
             self._timers.start(Timer.CROSSED, now + self._exchange.turn_time)
         elif message is not None:
-            self._drop_crossed()
             self._obey_message(message, now)
 
     def _drop_crossed(self) -> None:
@@ -446,9 +447,11 @@ class HostLine(ABC):
         self._timers.stop(Timer.WAT)
         self._timers.stop(Timer.SOURCE)
         self._streaming.give_up()
+        # Without EOR the control may still be in the same reading: what it asks for next is no beginning (8.2).
+        ended_the_tape = self._job is not None and self._job.has_ended_the_tape
         self._job = None
         self._state = State.FINISHED if outcome is Outcome.COMPLETE else State.IDLE
-        self._fresh = self._fresh or outcome is Outcome.COMPLETE
+        self._fresh = self._fresh or (outcome is Outcome.COMPLETE and ended_the_tape)
         self._timers.start(Timer.LEAVING, now + LEAVING)
 
     def _finish(self) -> None:
