@@ -130,6 +130,7 @@ LAW: Final[dict[tuple[State, Heard], frozenset[State]]] = {
     **{(state, Heard.CANCEL): _REST for state in State},
     (State.REST, Heard.REQUEST): _AFTER_REQUEST,
     (State.REST, Heard.XOFF): _REST,
+    (State.REST, Heard.END): _REST,
     (State.REST, Heard.TEXT): frozenset({State.REST, State.RECEIVING}),
     (State.RECEIVING, Heard.XON): frozenset({State.RECEIVING}),
     (State.RECEIVING, Heard.XOFF): frozenset({State.RECEIVING}),
