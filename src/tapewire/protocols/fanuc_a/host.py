@@ -41,7 +41,7 @@ DAT_HEADER: Final = 5
 """Sum and command stand before the data."""
 
 STATUS_LIMIT: Final[Nanos] = 60 * SECOND
-"""A control that goes on with GTD gets WAT for so long before the SAT it owes: an operator who was told has RESET it."""
+"""A control that goes on with GTD gets WAT for so long before the SAT it owes: a person who was told has RESET it."""
 
 
 class FanucAHost(HostLine):
