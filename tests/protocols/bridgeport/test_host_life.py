@@ -235,7 +235,7 @@ def test_a_damaged_character_is_obeyed_as_no_code_and_stops_us(fault: LineFault,
     rig = Rig(b"X" * 100)
     rig.host.receive_line_fault(fault, byte, 0)
     assert rig.take() == b""
-    rig.hear(DC1)
+    rig.name(b"1;L").hear(DC1)
     rig.take(10)
     rig.host.receive_line_fault(fault, byte, rig.now)
     assert rig.take() == b""
@@ -256,7 +256,7 @@ def test_a_damaged_character_and_nothing_after_it_is_a_failure() -> None:
 @pytest.mark.parametrize(("resumed", "low"), [(b"", 0), (DC1, 10)])
 def test_what_is_heard_behind_a_damaged_character_proves_no_more(resumed: bytes, low: int) -> None:
     """It may have been the end of the transfer, and what is heard two seconds later is said to nobody."""
-    rig = Rig(b"X" * 100)
+    rig = Rig(b"X" * 100).name(b"1;L")
     rig.hear(DC1)
     rig.take(10)
     rig.host.receive_line_fault(LineFault.PARITY, None, rig.now)

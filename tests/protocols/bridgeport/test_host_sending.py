@@ -17,6 +17,7 @@ from tapewire.engine import (
     SignalsIn,
     Started,
 )
+from tapewire.errors import UsageError
 from tapewire.protocols.bridgeport.host_arming import Policy
 from tapewire.protocols.bridgeport.host_law import State
 from tests.protocols.bridgeport.host_rig import (
@@ -301,3 +302,91 @@ def test_of_two_jobs_that_end_in_one_breath_each_is_told(recalled: int) -> None:
     ends = [(event.outcome, event.bytes_low, event.bytes_high) for event in rig.events if isinstance(event, Ended)]
     assert ends == [(Outcome.FAILED, 0, 3), (Outcome.CANCELLED, 0, 0)]
     assert len(rig.of(Started)) == 2
+
+
+# damage while a program is under way
+
+
+def nameless(**settings: str) -> Rig:
+    rig = Rig(b"X" * 100, **settings)
+    rig.hear(DC1)
+    rig.take(40)
+    return rig
+
+
+@pytest.mark.parametrize("between", [b"", DC3])
+def test_1_2_1_a_dc1_behind_damage_may_be_a_new_request_where_nothing_else_asks(between: bytes) -> None:
+    """The control that cancelled, and asks for program -1 again, would get the rest of it and an end."""
+    rig = damage(nameless()).wait(20 * SECOND)
+    assert rig.hear(between).say(DC1) == b""
+    assert rig.end is not None
+    assert rig.end.outcome is Outcome.FAILED
+    assert "a new request" in rig.end.reason
+    assert (rig.end.bytes_low, rig.end.bytes_high) == (0, 40)
+    assert rig.say(DC1) == b"", "nothing is armed any more"
+
+
+def test_1_2_1_before_the_end_code_it_is_so_too() -> None:
+    rig = nameless()
+    rig.take(60)
+    assert damage(rig).say(DC1) == b""
+    assert outcome(rig) is Outcome.FAILED
+
+
+@pytest.mark.parametrize("word", [b"77;L", b"77"])
+def test_1_1_who_asks_by_a_name_goes_on_by_a_dc1(word: bytes) -> None:
+    rig = Rig(b"X" * 100).name(word).hear(DC1)
+    rig.take(40)
+    assert damage(rig).say(DC1) == b"X" * 60 + EOT
+
+
+@pytest.mark.parametrize("pause_limit", ["600", "0"])
+def test_3_1_damage_in_a_pause_does_not_shorten_it(pause_limit: str) -> None:
+    rig = linked(pause_limit=pause_limit).hear(DC1)
+    rig.take(5)
+    damage(damage(rig.hear(DC3))).wait(500 * SECOND)
+    assert rig.end is None
+    assert rig.say(DC1).startswith(LINES[0][5:])
+
+
+def test_damage_upon_damage_has_its_limit() -> None:
+    rig = damage(nameless())
+    damage(rig.wait(50 * SECOND)).wait(59 * SECOND)
+    assert rig.end is None
+    rig.wait(SECOND)
+    assert rig.end is not None
+
+
+def test_3_2_an_ack_behind_which_damage_comes_is_not_believed_to_end_a_pause() -> None:
+    rig = linked(xoff_ack_grace="1").hear(DC1)
+    rig.take()
+    damage(rig.hear(DC3, ACK)).wait(5 * SECOND)
+    assert rig.take() == b""
+    assert rig.say(DC1).startswith(LINES[1])
+
+
+@pytest.mark.parametrize("recalled", [0, 1])
+def test_4_3_2_what_was_cancelled_before_its_end_had_left_was_not_sent_whole(recalled: int) -> None:
+    rig = Rig(b"X" * 100).hear(DC1)
+    rig.take(100)
+    assert rig.hand_over() == EOT
+    rig.host.receive_data(DLE, rig.now)
+    rig.settle(recalled=recalled)
+    assert rig.end is not None
+    assert rig.end.reason == "cancelled at the control (DLE)"
+
+
+# 1.2, giving up while the control waits
+
+
+@pytest.mark.parametrize("policy", Policy)
+def test_what_is_given_up_here_is_not_waited_for(policy: Policy) -> None:
+    rig = Rig(None)
+    rig.host.serve(Books({}), 0, policy=policy)
+    rig.name(b"9;L").say(DC1)
+    rig.host.abort(rig.now)
+    rig.settle()
+    assert rig.host.state is State.REST
+    assert rig.host.next_deadline() is None
+    with pytest.raises(UsageError, match="waits for no program"):
+        rig.host.answer(BytesIO(P), rig.now)

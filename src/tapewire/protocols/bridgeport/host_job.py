@@ -129,6 +129,8 @@ class Job:
         self._break_off()
         if self._has_job and self._ending is None:
             self._end(Outcome.CANCELLED, f"given up here; {AGAIN}", now)
+        elif self._state is State.HOLD:
+            self._rest()
         self._arming = None
 
     @property

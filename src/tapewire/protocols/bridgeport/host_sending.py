@@ -9,9 +9,9 @@ from typing import Final
 
 from tapewire.codes import name_of
 from tapewire.engine import SECOND, Held, LineFault, Nanos, Outcome, Requested, Resumed, Violation
-from tapewire.protocols.bridgeport.host_job import Job
+from tapewire.protocols.bridgeport.host_job import ASK_AGAIN, Job
 from tapewire.protocols.bridgeport.host_law import SENDING, Heard, State, Timer
-from tapewire.protocols.bridgeport.host_transmission import LinkRecords
+from tapewire.protocols.bridgeport.host_transmission import LinkRecords, LoadText
 
 __all__ = ["Sending"]
 
@@ -26,9 +26,12 @@ class Sending(Job):
         """It can hardly be anything but XOFF or a cancel, so we stop: a pause is better than an overrun."""
         self._note_certain(now)
         self._may_be_over = True
+        self._timers.stop(Timer.GRACE)
         if not self._held:
             self._held = True
             self._events.put(Held(why=f"{fault}: it may have been XOFF"))
+        elif not self._timers.running(Timer.DAMAGED):
+            return  # a pause that XOFF began is as long as a pause may be
         self._timers.start(Timer.DAMAGED, now + DAMAGED_WAIT)
 
     def _ignore(self, heard: Heard, character: int) -> None:
@@ -73,12 +76,23 @@ class Sending(Job):
     def _on_xon(self, character: int, now: Nanos) -> None:
         if self._state is State.RECEIVING:
             return
-        if self._held:
+        if self._held and self._may_be_over and self._more_to_send and self._is_nameless:
+            self._held = False
+            why = (
+                "XON behind a damaged character, or a new request if that was a cancel: without a name nobody can tell"
+            )
+            self._end(Outcome.FAILED, f"{why}; {ASK_AGAIN}", now)
+        elif self._held:
             self._resume("XON")
         elif self._state is State.TAIL:
             self._events.put(Requested(served=False))
         else:
             self._ignore(Heard.XON, character)
+
+    @property
+    def _is_nameless(self) -> bool:
+        """Asked for by DC1 alone (1.2.1): asked for again it is by the same."""
+        return isinstance(self._transmission, LoadText) and not self._transmission.named
 
     def _resume(self, why: str) -> None:
         for timer in (Timer.PAUSE, Timer.GRACE, Timer.DAMAGED):

@@ -73,6 +73,7 @@ class LoadText:
 
     def __init__(self, text: Text, params: Params, *, named: bool, guessed: bool = False) -> None:
         self.guessed = guessed
+        self.named = named
         self.proven: int | None = 0 if guessed else None
         self._text = text
         self._end_code = bytes([params.text_end])
