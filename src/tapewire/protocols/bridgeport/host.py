@@ -68,18 +68,8 @@ class BridgeportHost(Sending):
     def __init__(self, params: Params) -> None:
         super().__init__(params)
         self._marks = marks_of(params)
-        self._pause_wanted = False
-        self._pause_told = False
         self._cts = True
         self._er = False
-
-    def hold_reception(self, now: Nanos) -> None:
-        """Ask the control to pause, now or as soon as it sends (3.1). It may still send three characters."""
-        self._pause_wanted = True
-
-    def release(self, now: Nanos) -> None:
-        """Let it go on."""
-        self._pause_wanted = False
 
     @property
     def needs_stop_distance(self) -> int:
@@ -111,6 +101,7 @@ class BridgeportHost(Sending):
             self._on_fault_while_sending(fault, now)
         else:
             self._doubt(fault, now)
+            self._doubt_head(fault, now)
 
     def receive_signals(self, signals: SignalsIn, now: Nanos) -> None:
         """Where the line shows whether the control is switched on, its going off ends the job."""
@@ -282,7 +273,7 @@ class BridgeportHost(Sending):
             case Heard.NAK:
                 self._on_nak(now)
             case Heard.END:
-                self._on_end(now)
+                self._on_end(character, now)
             case Heard.TEXT:
                 self._on_uninvited(character, now)
 
@@ -325,14 +316,22 @@ class BridgeportHost(Sending):
             return
         self._serve(now)
 
-    def _on_end(self, now: Nanos) -> None:
+    def _on_end(self, character: int, now: Nanos) -> None:
         """The end of a name or of a program, or what closes it after that (1.1, 1.2.2)."""
         if self._state is State.SAVED:
+            return
+        if self._state is State.REST:
+            self._behind = ""
+            self._ignore(Heard.END, character)
             return
         reception = self._reception
         assert reception is not None
         self._timers.stop(Timer.TEXT)
         name = reception.finish()
+        if reception.problem:
+            self._end(Outcome.FAILED, reception.problem, now)
+            self._behind = ""
+            return
         if self._params.closing_dc3 is Switch.ON:
             self._replies.append(self._params.xoff)
         self._state = State.REST
@@ -358,8 +357,7 @@ class BridgeportHost(Sending):
 
     def _on_uninvited(self, character: int, now: Nanos) -> None:
         """Text at rest: a program, where the control sends as to a tape punch."""
-        shelf = self._arming.shelf if self._arming is not None else None
-        if self._params.punch_mode is Switch.OFF or shelf is None or character not in TEXT:
+        if self._punch_shelf is None or character not in TEXT:
             self._ignore(Heard.TEXT, character)
             return
         behind = self._behind
@@ -371,6 +369,9 @@ class BridgeportHost(Sending):
 
     def _on_silence(self, now: Nanos) -> None:
         """The control said nothing more, and no end code."""
+        if self._state is not State.RECEIVING:
+            self._behind = ""
+            return
         if self._pause_told:
             self._start(Timer.TEXT, self._params.text_timeout, now)
             return
@@ -381,4 +382,4 @@ class BridgeportHost(Sending):
         else:
             self._events.put(Violation(what=f"{silence} where a name or a program was announced"))
             self._rest()
-        self._behind = behind
+            self._behind = behind

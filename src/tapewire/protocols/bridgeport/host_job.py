@@ -32,6 +32,7 @@ from tapewire.protocols.bridgeport.host_text import Text
 from tapewire.protocols.bridgeport.host_transmission import Guess, LinkRecords, LoadText, Transmission
 from tapewire.protocols.bridgeport.messages import Mode, Name, Params, WhenMissing
 from tapewire.protocols.delivery import Delivery
+from tapewire.protocols.settings import Switch
 
 __all__ = ["AGAIN", "ASK_AGAIN", "Job"]
 
@@ -90,7 +91,9 @@ class Job:
         self._asked_for = ""
         self._reception: Reception | None = None
         self._behind = ""
-        """At rest: what came before the silence and had no end; empty where there is none."""
+        """At rest: what came before and had no end; empty where there is none."""
+        self._pause_wanted = False
+        self._pause_told = False
         self._replies = bytearray()
         self._held = False
         self._ended_at: Nanos | None = None
@@ -132,6 +135,14 @@ class Job:
         elif self._state is State.HOLD:
             self._rest()
         self._arming = None
+
+    def hold_reception(self, now: Nanos) -> None:
+        """Ask the control to pause, now or as soon as it sends (3.1). It may still send three characters."""
+        self._pause_wanted = True
+
+    def release(self, now: Nanos) -> None:
+        """Let it go on."""
+        self._pause_wanted = False
 
     @property
     def state(self) -> State:
@@ -396,6 +407,17 @@ class Job:
             self._note_stored()
         return self._reception.unended
 
+    def _doubt_head(self, fault: LineFault, now: Nanos) -> None:
+        """At rest, as to a tape punch, it may have been the first character of a program, which is lost then."""
+        if self._state is State.REST and self._punch_shelf is not None and not self._behind:
+            self._behind = f"behind a damaged character ({fault})"
+            self._start(Timer.TEXT, self._params.text_timeout, now)
+
+    @property
+    def _punch_shelf(self) -> Shelf | None:
+        """Where programs that come without DC2 go, if they are taken."""
+        return self._arming.shelf if self._arming is not None and self._params.punch_mode is Switch.ON else None
+
     def _finish_saved(self, now: Nanos) -> None:
         assert self._reception is not None
         if self._reception.damage:
@@ -410,11 +432,12 @@ class Job:
 
         What was on its way is called back unless it is all the control is to have.
         """
-        self._break_off()
+        behind = self._break_off()
         had_job = self._has_job
         if self._in_transfer:
             self._ended_at = now
         self._rest()
+        self._behind = "" if outcome is Outcome.CANCELLED else behind
         if not had_job:
             self._events.put(Notice(text=reason))
             return

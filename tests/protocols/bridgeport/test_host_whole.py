@@ -1,0 +1,156 @@
+"""The host's end: no part of a program the control sends counts as a whole one."""
+
+from __future__ import annotations
+
+from io import BytesIO
+
+import pytest
+
+from tapewire.engine import SECOND, Ended, Event, LineFault, Outcome, SignalsIn
+from tapewire.protocols.bridgeport.host_arming import Policy
+from tests.protocols.bridgeport.host_rig import DC2, DC4, DLE, EOT, Drawer, P, Rig
+
+REST = b"the rest of it\r\n"
+
+
+def shelved(**settings: str) -> tuple[Rig, Drawer]:
+    rig, drawer = Rig(None, **settings), Drawer()
+    rig.host.serve(None, 0, shelf=drawer, policy=Policy.STANDING)
+    return rig, drawer
+
+
+def punching(**settings: str) -> tuple[Rig, Drawer]:
+    return shelved(punch_mode="on", **settings)
+
+
+def endings(rig: Rig) -> list[tuple[Outcome, int]]:
+    rig.wait(3 * SECOND)
+    return [(event.outcome, event.bytes_low) for event in rig.events if isinstance(event, Ended)]
+
+
+def reasons(events: list[Event]) -> str:
+    return "; ".join(event.reason for event in events if isinstance(event, Ended))
+
+
+# more than the limit
+
+
+@pytest.mark.parametrize("length", [19, 20, 21, 40, 63, 64, 65, 66])
+@pytest.mark.parametrize("ends", [EOT, EOT + DC4])
+def test_more_than_the_limit_is_no_whole_program_however_long(length: int, ends: bytes) -> None:
+    """As many as 64 characters wait until it is known that they are no name."""
+    rig, drawer = shelved(upload_limit="20")
+    rig.say(DC2)
+    rig.hear(b"N" * length + ends)
+    fits = length <= 20
+    assert endings(rig) == [(Outcome.COMPLETE if fits else Outcome.FAILED, min(length, 20))]
+    assert drawer.programs[None].getvalue() == b"N" * min(length, 20)
+    assert fits or "more than 20 bytes" in reasons(rig.events)
+
+
+@pytest.mark.parametrize("length", [40, 80])
+@pytest.mark.parametrize("punch_mode", ["on", "off"])
+def test_the_next_program_is_not_the_rest_of_one_that_was_too_long_and_has_ended(length: int, punch_mode: str) -> None:
+    rig, _ = shelved(punch_mode=punch_mode, upload_limit="20")
+    if punch_mode == "off":
+        rig.say(DC2)
+    rig.hear(b"N" * length)
+    rig.hear(EOT + DC4)
+    if punch_mode == "off":
+        rig.say(DC2)
+    rig.hear(P + EOT)
+    assert endings(rig) == [(Outcome.FAILED, 20), (Outcome.COMPLETE, len(P))]
+
+
+def test_the_rest_of_a_punch_that_is_too_long_is_no_program() -> None:
+    rig, _ = punching(upload_limit="100")
+    rig.hear(b"N" * 60)
+    rig.hear(b"M" * 60)
+    rig.hear(REST + EOT)
+    assert endings(rig) == [(Outcome.FAILED, 100), (Outcome.FAILED, len(REST))]
+    assert "behind 120 characters" in reasons(rig.events)
+
+
+# what goes on behind the end of the job
+
+
+def dsr_falls(rig: Rig) -> None:
+    rig.host.receive_signals(SignalsIn(), rig.now)
+    rig.host.receive_signals(SignalsIn(dsr=False), rig.now)
+    rig.settle()
+
+
+def test_the_rest_of_a_punch_behind_a_dsr_that_fell_is_no_program() -> None:
+    rig, _ = punching()
+    rig.hear(b"N" * 100)
+    dsr_falls(rig)
+    rig.hear(REST + EOT)
+    assert endings(rig) == [(Outcome.FAILED, 100), (Outcome.FAILED, len(REST))]
+
+
+@pytest.mark.parametrize("between", [DC2, DLE, EOT, DC4])
+def test_behind_a_job_that_failed_the_control_may_say_that_it_begins(between: bytes) -> None:
+    rig, _ = punching()
+    rig.hear(b"N" * 100)
+    dsr_falls(rig)
+    rig.say(between)
+    rig.hear(P + EOT)
+    assert endings(rig) == [(Outcome.FAILED, 100), (Outcome.COMPLETE, len(P))]
+
+
+def test_4_3_2_behind_a_cancel_a_punch_begins_anew() -> None:
+    rig, _ = punching()
+    rig.hear(b"N" * 100 + DLE)
+    rig.hear(P + EOT)
+    assert endings(rig) == [(Outcome.CANCELLED, 100), (Outcome.COMPLETE, len(P))]
+
+
+# the first character of a punch
+
+
+@pytest.mark.parametrize("policy", Policy)
+@pytest.mark.parametrize("byte", [0x25, None])
+def test_a_punch_whose_first_character_came_damaged_is_not_whole(policy: Policy, byte: int | None) -> None:
+    rig, drawer = Rig(None, punch_mode="on"), Drawer()
+    rig.host.serve(None, 0, shelf=drawer, policy=policy)
+    rig.host.receive_line_fault(LineFault.PARITY, byte, rig.now)
+    rig.hear(REST + EOT)
+    assert endings(rig) == [(Outcome.FAILED, len(REST))]
+    assert "behind a damaged character (parity error)" in reasons(rig.events)
+
+
+@pytest.mark.parametrize(("span", "outcome"), [(29, Outcome.FAILED), (31, Outcome.COMPLETE)])
+def test_damage_long_before_a_punch_is_not_its_first_character(span: int, outcome: Outcome) -> None:
+    """A control that is switched on makes a break."""
+    rig, _ = punching()
+    rig.host.receive_line_fault(LineFault.BREAK, None, rig.now)
+    rig.wait(span * SECOND)
+    rig.hear(P + EOT)
+    assert endings(rig) == [(outcome, len(P))]
+
+
+def test_damage_before_a_request_stays_nothing() -> None:
+    rig = Rig(None, punch_mode="on")
+    rig.host.receive_line_fault(LineFault.PARITY, 0x25, rig.now)
+    rig.host.start(BytesIO(P), rig.now)
+    assert rig.say(b"\x11") == P + EOT
+    assert endings(rig) == [(Outcome.COMPLETE, len(P))]
+
+
+@pytest.mark.parametrize("announced", [DC2, DC2 + b"77;L" + DC4 + DC2])
+def test_damage_before_an_announced_program_is_not_its_first_character(announced: bytes) -> None:
+    rig, _ = punching()
+    rig.host.receive_line_fault(LineFault.PARITY, 0x25, rig.now)
+    rig.say(announced)
+    rig.hear(P + EOT)
+    assert endings(rig) == [(Outcome.COMPLETE, len(P))]
+
+
+def test_damage_behind_what_had_no_end_does_not_make_it_forgotten() -> None:
+    rig, _ = punching()
+    rig.hear(b"N" * 100)
+    dsr_falls(rig)
+    rig.host.receive_line_fault(LineFault.PARITY, 0x25, rig.now)
+    rig.wait(31 * SECOND)
+    rig.hear(REST + EOT)
+    assert endings(rig) == [(Outcome.FAILED, 100), (Outcome.FAILED, len(REST))]
