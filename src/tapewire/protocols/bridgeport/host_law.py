@@ -142,7 +142,6 @@ LAW: Final[dict[tuple[State, Heard], frozenset[State]]] = {
     **{(state, Heard.XOFF): frozenset({state}) for state in SENDING},
     **{(state, Heard.XON): frozenset({state}) for state in SENDING},
     (State.TEXT, Heard.XON): frozenset({State.TEXT, State.REST}),
-    (State.TAIL, Heard.XON): frozenset({State.TAIL, State.REST}),
     (State.TEXT, Heard.NAK): frozenset({State.TEXT, State.REST}),
     (State.TEXT, Heard.ACK): frozenset({State.TEXT, State.REST}),
     (State.RECORD, Heard.NAK): frozenset({State.RECORD, State.REST}),

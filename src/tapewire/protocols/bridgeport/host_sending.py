@@ -76,11 +76,9 @@ class Sending(Job):
     def _on_xon(self, character: int, now: Nanos) -> None:
         if self._state is State.RECEIVING:
             return
-        if self._held and self._may_be_over and self._more_to_send and self._is_nameless:
+        if self._held and self._may_be_over and self._state is State.TEXT and self._is_nameless:
             self._held = False
-            why = (
-                "XON behind a damaged character, or a new request if that was a cancel: without a name nobody can tell"
-            )
+            why = "DC1 behind a damaged character: XON, or a new request if that was a cancel, which only a name tells"
             self._end(Outcome.FAILED, f"{why}; {ASK_AGAIN}", now)
         elif self._held:
             self._resume("XON")
