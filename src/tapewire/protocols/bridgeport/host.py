@@ -46,7 +46,7 @@ from tapewire.protocols.bridgeport.host_law import (
     heard_while_receiving,
     heard_while_sending,
 )
-from tapewire.protocols.bridgeport.host_reception import Reception, marks_of
+from tapewire.protocols.bridgeport.host_reception import FEED, Reception, marks_of
 from tapewire.protocols.bridgeport.host_sending import Sending
 from tapewire.protocols.bridgeport.messages import STOP_CHARACTERS, ErLine, Name, Params, Parity, on_the_wire
 from tapewire.protocols.bridgeport.text import TEXT
@@ -151,6 +151,8 @@ class BridgeportHost(Sending):
             del self._replies[:count]
         elif self._state is State.RECEIVING:
             self._pause_told = self._pause_wanted
+            if not self._pause_told:
+                self._start(Timer.TEXT, self._params.text_timeout, now)
         elif count:
             assert self._transmission is not None
             self._transmission.hand_over(count)
@@ -332,13 +334,20 @@ class BridgeportHost(Sending):
             self._end(Outcome.FAILED, reception.problem, now)
             self._behind = ""
             return
+        if self._pause_told:
+            # Its last codes may wait for it.
+            self._pause_told = False
+            self._replies.append(self._params.xon)
         if self._params.closing_dc3 is Switch.ON:
             self._replies.append(self._params.xoff)
         self._state = State.REST
         if name is not None and reception.damage:
             self._name, self._spoilt_name = None, reception.damage
-        elif name is not None:
+        elif name is not None and name.raw.strip(FEED + b" "):
             self._take_name(name)
+        elif name is not None:
+            self._name = None
+            self._events.put(Notice(text="the control announced a name or a program, and ended it before it began"))
         elif reception.kept:
             self._state = State.SAVED
             self._start(Timer.END, self._params.end_wait, now)
@@ -355,8 +364,23 @@ class BridgeportHost(Sending):
         known = f"taken as the number {name.number}" if name.number else "no number in it"
         self._events.put(Notice(text=f"the control sent the unusual name {said!r}: {known}"))
 
+    def _has_gone_on(self, character: int, now: Nanos) -> bool:
+        """Text behind the end of a program: the end may have been none. True: it is over, and this begins another."""
+        assert self._reception is not None
+        if character not in TEXT or character in FEED:
+            return False
+        self._reception.damage = self._reception.damage or "text behind its end"
+        if self._punch_shelf is None:
+            return False
+        self._finish_saved(now)
+        self._behind = "behind an end that may have been none"
+        return True
+
     def _on_uninvited(self, character: int, now: Nanos) -> None:
         """Text at rest: a program, where the control sends as to a tape punch."""
+        if self._state is State.SAVED and not self._has_gone_on(character, now):
+            self._ignore(Heard.TEXT, character)
+            return
         if self._punch_shelf is None or character not in TEXT:
             self._ignore(Heard.TEXT, character)
             return
@@ -381,5 +405,6 @@ class BridgeportHost(Sending):
             self._end(Outcome.FAILED, f"{silence} inside the program, and no end of it", now)
         else:
             self._events.put(Violation(what=f"{silence} where a name or a program was announced"))
+            assert self._reception is not None
             self._rest()
-            self._behind = behind
+            self._behind = "" if self._reception.is_feed else behind

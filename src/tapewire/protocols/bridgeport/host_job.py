@@ -194,6 +194,7 @@ class Job:
         self._arming = arming
         self._transmission = None
         self._behind = ""
+        self._pause_wanted = False
         if self._state is State.HOLD:
             self._stop_waiting()
             self._state = State.REST

@@ -136,6 +136,7 @@ LAW: Final[dict[tuple[State, Heard], frozenset[State]]] = {
     (State.RECEIVING, Heard.XOFF): frozenset({State.RECEIVING}),
     (State.RECEIVING, Heard.END): frozenset({State.REST, State.SAVED}),
     (State.SAVED, Heard.END): frozenset({State.SAVED}),
+    (State.SAVED, Heard.TEXT): frozenset({State.SAVED, State.REST, State.RECEIVING}),
     (State.SAVED, Heard.REQUEST): _AFTER_REQUEST,
     (State.HOLD, Heard.REQUEST): frozenset({State.HOLD}),
     **{(state, Heard.XOFF): frozenset({state}) for state in SENDING},

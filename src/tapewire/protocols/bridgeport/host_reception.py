@@ -9,14 +9,19 @@ import re
 from collections.abc import Callable
 from typing import Final
 
+from tapewire.codes import CR, DEL, LF, NUL
 from tapewire.engine import LineFault, Sink
 from tapewire.protocols.bridgeport.code_table import CodeTable
 from tapewire.protocols.bridgeport.messages import Name, classify
 
-__all__ = ["Reception", "marks_of"]
+__all__ = ["FEED", "Reception", "marks_of"]
 
 HEAD_BYTES: Final = 64
 """More than this is a program, whatever it says: a name of eight characters with a trailer is far shorter."""
+
+
+FEED: Final = bytes((NUL, DEL, CR, LF))
+"""What is nothing of a program where it stands alone: blank tape and line ends."""
 
 
 def marks_of(codes: CodeTable) -> re.Pattern[bytes]:
@@ -91,6 +96,11 @@ class Reception:
         if self.count:
             return f"behind {self.count:,} character{'s' * (self.count > 1)} without an end"
         return f"behind damage ({self.damage})" if self.damage else ""
+
+    @property
+    def is_feed(self) -> bool:
+        """Nothing has come that a program could lack."""
+        return not (self._is_program or self.behind or self.damage or self._head.strip(FEED))
 
     def unreported(self) -> int:
         """Bytes stored since the last call."""

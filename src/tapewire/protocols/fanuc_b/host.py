@@ -48,6 +48,7 @@ from tapewire.protocols.fanuc_b.host_law import (
     RISK_BLIND,
     RISK_POWER,
     SOURCE_POLL,
+    STALE,
     TIMED_ENDS,
     State,
     Timer,
@@ -70,7 +71,8 @@ class FanucBHost(Job):
 
     def hold_reception(self, now: Nanos) -> None:
         """Pause the punch-out, or the next one (6.1.1 2) (3)). The control may still send its overrun."""
-        before, self._pause.wanted = self._pause.wanted, self._state in (State.LISTENING, State.RECEIVING)
+        before, goes_on = self._pause.wanted, self._state in (State.LISTENING, State.RECEIVING)
+        self._pause.wanted = goes_on or (before and self._state is State.AFTER_DC4)
         if self._pause.cs_off and not before and not self._signs.are_shown:
             self._events.put(Violation(what="pause=cs pauses nothing: this line has no control lines"))
 
@@ -89,6 +91,8 @@ class FanucBHost(Job):
             elif self._state is State.AFTER_DC4 and self._still_program(data[position]):
                 continue
             else:
+                if self._state is State.AFTER_DC4 and self._reception is not None:
+                    self._reception.behind_dc4(data[position])
                 self._receive_character(data[position], now)
                 position += 1
 
@@ -231,10 +235,14 @@ class FanucBHost(Job):
         """6.1.1 1) (2), (6)."""
         for timer in (Timer.DAMAGED, Timer.CLOSING, Timer.EARLY_STOP):
             self._timers.stop(timer)
-        self._held_by_damage = self._signs.was_damaged = False
+        damaged = self._signs.was_damaged
+        self._held_by_damage = self._signs.was_damaged = self._signs.dc3_may_be_reset = False
         match self._state:
             case State.ARMED:
                 self._events.put(Requested())
+                if self._delivery.on_the_way:
+                    self._end(Outcome.FAILED, STALE, now)
+                    return
                 if not self._signs.sees_er:
                     self._events.put(Notice(text=RISK_BLIND if self._signs.blind else RISK_POWER))
                 self._events.put(Started(why="DC1: from the first byte of the program"))
@@ -244,11 +252,15 @@ class FanucBHost(Job):
                 self._delivery.start(now)
                 self._events.put(Resumed(why="DC1"))
                 self._begin_sending(now)
-            case State.SENDING if self._delivery.sent and not self._signs.er:
-                self._end(Outcome.FAILED, f"DC1 while sending: {LOOKS_LIKE_RESET}", now)
-            case State.SENDING:
-                self._events.put(Violation(what="DC1 while sending"))
+            case State.DELIVERED if damaged:
+                self._delivery.goes_on()
+                self._events.put(Resumed(why="DC1: what came damaged was a stop; nothing is left to send"))
+            case State.SENDING | State.DELIVERED if self._delivery.sent and not self._signs.er:
+                self._end(Outcome.FAILED, f"DC1 with no stop before it: {LOOKS_LIKE_RESET}", now)
+            case State.SENDING | State.DELIVERED:
+                self._events.put(Violation(what="DC1 with no stop before it"))
             case State.CLOSING:
+                self._delivery.goes_on()
                 self._state = State.DELIVERED
                 self._events.put(Resumed(why="DC1: the control reads on; nothing is left to send"))
             case _:

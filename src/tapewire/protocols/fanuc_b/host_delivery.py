@@ -33,15 +33,15 @@ class Delivery(delivery.Delivery):
 
     def start(self, now: Nanos) -> None:
         """The control sent the DC1 that starts, or resumes when something has been sent."""
-        if not self._at_dc1:
+        if not self.sent:
             self._began = now
         self._resumed = self.sent > 0
-        self._at_dc1 = self.sent
-        self._may_be_over_since = None
+        self._at_dc1 = self.sent - self.in_flight
+        self.goes_on()
 
     @property
     def may_have_filled_the_buffer(self) -> bool:
-        """Enough has been sent since the last DC1 for a DC3 to be a stop (6.3)."""
+        """Enough has come since the last DC1 for a DC3 to be a stop (6.3)."""
         least = self._limits.next_stop if self._resumed else self._limits.first_stop
         return self.sent - self._at_dc1 >= least
 
@@ -51,6 +51,10 @@ class Delivery(delivery.Delivery):
         """
         if self._may_be_over_since is None:
             self._may_be_over_since = now
+
+    def goes_on(self) -> None:
+        """DC1: it has not ended."""
+        self._may_be_over_since = None
 
     def certain(self, now: Nanos) -> int:
         since = self._may_be_over_since
@@ -66,7 +70,7 @@ class Delivery(delivery.Delivery):
 
     def long_silent(self, now: Nanos) -> bool:
         """Nothing has left for so long that a DC3 heard now cannot be a stop."""
-        return not self.in_flight and now - self._left_at > LEVEL_DELAY
+        return not self.in_flight and now - self._left_at > max(LEVEL_DELAY, self.heard_late)
 
 
 class Supply:

@@ -109,6 +109,7 @@ class Job:
             raise UsageError(f"a job is under way ({self._state.value}); abort it or wait for its end")
         self._state = state
         self._reception = None
+        self._certain = 0
         self._delivery = Delivery(self._params.limits, stale=self._delivery.on_the_way)
 
     def _end(self, outcome: Outcome, reason: str, now: Nanos) -> None:

@@ -29,6 +29,7 @@ __all__ = [
     "RISK_BLIND",
     "RISK_POWER",
     "SOURCE_POLL",
+    "STALE",
     "TIMED_ENDS",
     "State",
     "Timer",
@@ -92,11 +93,12 @@ _DC1, _DC2, _DC3, _DC4 = ControlCode.DC1, ControlCode.DC2, ControlCode.DC3, Cont
 LAW: Final[dict[tuple[State, ControlCode], frozenset[State]]] = {
     (State.IDLE, _DC1): frozenset({State.IDLE}),
     (State.LISTENING, _DC1): frozenset({State.LISTENING}),
-    (State.ARMED, _DC1): frozenset({State.SENDING, State.DELIVERED}),
+    (State.ARMED, _DC1): frozenset({State.SENDING, State.DELIVERED}) | _ENDING,
     (State.SENDING, _DC1): frozenset({State.SENDING}) | _ENDING,
     (State.SENDING, _DC3): frozenset({State.HELD, State.CLOSING}) | _ENDING,
     (State.HELD, _DC1): frozenset({State.SENDING, State.DELIVERED}),
     (State.HELD, _DC3): frozenset({State.HELD, State.CLOSING}) | _ENDING,
+    (State.DELIVERED, _DC1): frozenset({State.DELIVERED}) | _ENDING,
     (State.DELIVERED, _DC3): frozenset({State.CLOSING, State.HELD}) | _ENDING,
     (State.CLOSING, _DC1): frozenset({State.DELIVERED}),
     (State.CLOSING, _DC3): frozenset({State.CLOSING, State.HELD}) | _ENDING,
@@ -113,6 +115,8 @@ LAW: Final[dict[tuple[State, ControlCode], frozenset[State]]] = {
 """What each code may do in each state (6.1, 6.4). A pair without a row is a Violation and changes nothing."""
 
 ER_FELL: Final = "the control's ER fell: it was reset, has an alarm, or lost power"
+
+STALE: Final = "characters of the last job are still on the line, and would go out first; RESET the control"
 
 NO_LAST_DC3: Final = f"sent whole, and its end was not heard: {ER_FELL}"
 
@@ -146,7 +150,7 @@ NOTICES: Final = {
 
 TIMED_ENDS: Final[dict[Enum, tuple[Outcome, str]]] = {
     Timer.CLOSING: (Outcome.COMPLETE, "the control has read the whole program"),
-    Timer.DAMAGED: (Outcome.FAILED, "a damaged character came from the control and nothing after it"),
+    Timer.DAMAGED: (Outcome.FAILED, "a damaged character came from the control and nothing after it; RESET it"),
     Timer.EARLY_STOP: (Outcome.FAILED, f"a DC3 that cannot have been a stop: {LOOKS_LIKE_RESET}"),
 }
 """How a job ends when one of these deadlines passes."""

@@ -7,6 +7,7 @@ from typing import Final
 
 from tapewire.codes import DataCode
 from tapewire.engine import LineFault, Sink
+from tapewire.protocols.fanuc_b.host_law import FEED
 from tapewire.protocols.fanuc_b.messages import ControlCode, Params, PauseBy, code_of, encode
 
 __all__ = ["Pause", "Reception"]
@@ -61,6 +62,8 @@ class Reception:
         self._sink = sink
         self._last = b""
         self._undecided = b""
+        self._another = False
+        """DC2 has announced another punch-out behind this one."""
         self.stored = 0
         self.damage = ""
         """The first thing that makes the stored program doubtful; empty while there is none."""
@@ -93,6 +96,14 @@ class Reception:
         self._store(self._undecided)
         self._undecided = b""
         return True
+
+    def behind_dc4(self, byte: int) -> None:
+        """A text goes on behind its DC4: that was none, or something is missing in front of it."""
+        code = code_of(byte)
+        self._another |= code is ControlCode.DC2
+        is_text = not self._binary and code in (None, ControlCode.DC4) and byte not in FEED
+        if is_text and not self._another:
+            self._mark("more came behind DC4,")
 
     @property
     def undecided_notice(self) -> ControlCode | None:
