@@ -206,7 +206,8 @@ def test_the_dc3_that_closes_a_name_is_text_where_noise_has_begun_one(
     ("damage", "excused"),
     [
         ({**NOTHING, "arrived": (b"\x04",), "told": END}, True),
-        ({**NOTHING, "arrived": (b"\x04",), "told": END - 5}, False),
+        ({**NOTHING, "arrived": (b"\x04",), "told": END - 300}, False),
+        ({"place": END - 9, "sent": b"N", "arrived": (b"\x04",), "told": END - 9}, True),
         ({**NOTHING, "arrived": (b"X",), "told": END}, False),
         ({**NOTHING, "arrived": (b"\x04",), "told": END, "moment": 19 * SECOND}, False),
         ({**NOTHING, "arrived": (b"\x04",), "told": END, "wire": Wire.FROM_CONTROL}, False),

@@ -11,6 +11,7 @@ from typing import Final
 
 from tapewire.engine import Nanos, Outcome
 from tapewire.line.faults.plan import Wire
+from tapewire.protocols.bridgeport.records import RECORD_BYTES
 from tapewire.protocols.delivery import HEARD_LATE
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Wait
 from tapewire.sim.frames import ends_record, text_of
@@ -27,6 +28,9 @@ __all__ = [
     "text_ended_early",
     "while_read",
 ]
+
+_FRAMING: Final = 3
+"""Characters of a record beside its text: STX or none, ETB, LRC."""
 
 _BLANK_TAPE: Final = b"\x00\x7f\x80\xff"
 """What a control passes over in a text, with and without the parity bit (`ignore_rx`)."""
@@ -126,11 +130,12 @@ def record_never_came(evidence: Evidence, wait: Wait, ends: frozenset[int]) -> b
 
 
 def ended_unanswered(evidence: Evidence, wait: Wait, unseen: Sequence[Damage], ends: frozenset[int]) -> bool:
-    """DNC LINK: noise was the end code while the host waited for ACK, and a control that has all of it answers nothing
-    more. `unseen` is damage of what the host says.
+    """DNC LINK: an end code was forged in the last record the host has said, or behind it, and a control that has all
+    answers nothing more. `unseen` is damage of what the host says.
     """
     whole = [ended for ended, outcome in evidence.control_ends if outcome is Outcome.COMPLETE]
-    forged = [hit for hit in unseen if hit.told == wait.told and ends & (set(hit.plain) - set(hit.sent))]
+    record = wait.told - RECORD_BYTES - _FRAMING
+    forged = [hit for hit in unseen if hit.told >= record and ends & (set(hit.plain) - set(hit.sent))]
     return any(hit.moment <= ended and wait.job.covers(ended) for hit in forged for ended in whole)
 
 

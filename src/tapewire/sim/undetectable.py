@@ -445,7 +445,9 @@ class Excuses:
         attempt, evidence = wait.attempt, self._evidence
         if self._is_a or self._is_b or not self._sends or attempt is None:
             return False
-        hit = any(self._says_its_name(damage.moment, attempt) for damage in evidence.on(Wire.FROM_CONTROL))
+        fell = [damage for damage in evidence.damages if damage.kind.startswith("DSR")]
+        hits = evidence.on(Wire.FROM_CONTROL) + fell
+        hit = any(self._says_its_name(damage.moment, attempt) for damage in hits)
         return hit and not text_of(self._evidence.handed_over(attempt, attempt.place))
 
     def _touched(self, job: Job) -> bool:
