@@ -92,7 +92,7 @@ class Delivery:
     @property
     def heard_late(self) -> Nanos:
         """How late what the control says may be heard. What leaves one after the other shows how long a character takes
-        on this line; a pause does not.
+        on this line. A pause in all that has left so far makes it longer than it is, and less certain.
         """
         pace = min(self._pace or self._step, SLOWEST)
         return max(HEARD_LATE, HEARD_LATE_CHARACTERS * pace)

@@ -25,6 +25,17 @@ def faults(bench: Bench, count: int, fault: LineFault = LineFault.PARITY) -> Non
         bench.wait(0.01)
 
 
+def with_a_conversion_of_another_host() -> Bench:
+    """A control that has it in force, and a host with a program armed that has seen its SAT."""
+    bench = Bench()
+    bench.in_force = dataclasses.replace(bench.params.wanted, convert_from=0x3B, convert_to=0x0A)
+    bench.answer(Command.SYN)
+    bench.answer(Command.RDY)
+    bench.arm()
+    bench.sat()
+    return bench
+
+
 class TestEveryCharacterDamaged:
     """Nothing of such a word is delivered: the faults alone tell of it."""
 
@@ -108,12 +119,7 @@ class TestItEnds:
         assert bench.ended.outcome is Outcome.FAILED
 
     def test_a_control_that_asks_for_the_program_and_takes_no_set_is_given_up(self) -> None:
-        bench = Bench()
-        bench.in_force = dataclasses.replace(bench.params.wanted, convert_from=0x3B, convert_to=0x0A)
-        bench.answer(Command.SYN)
-        bench.answer(Command.RDY)
-        bench.arm()
-        bench.sat()
+        bench = with_a_conversion_of_another_host()
         for _ in range(61):
             assert bench.answer(Command.GTD) == WAT
             bench.now += SECOND
@@ -125,12 +131,7 @@ class TestItEnds:
         assert bench.ended.reason.endswith(" for 60 s")
 
     def test_its_operator_has_as_long_again_after_reset(self) -> None:
-        bench = Bench()
-        bench.in_force = dataclasses.replace(bench.params.wanted, convert_from=0x3B, convert_to=0x0A)
-        bench.answer(Command.SYN)
-        bench.answer(Command.RDY)
-        bench.arm()
-        bench.sat()
+        bench = with_a_conversion_of_another_host()
         bench.answer(Command.GTD)
         bench.now += 100 * SECOND
         bench.answer(Command.RST)
