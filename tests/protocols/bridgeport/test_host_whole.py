@@ -217,11 +217,11 @@ def test_the_one_program_asked_for_takes_nothing_of_the_next() -> None:
 # our pause
 
 
-def paused(**settings: str) -> tuple[Rig, BytesIO]:
+def paused(length: int = 100, **settings: str) -> tuple[Rig, BytesIO]:
     rig, sink = Rig(None, **settings), BytesIO()
     rig.host.receive(sink, 0)
     rig.say(DC2)
-    rig.hear(b"N" * 100)
+    rig.hear(b"N" * length)
     rig.host.hold_reception(rig.now)
     assert rig.take() == DC3
     return rig, sink
@@ -235,6 +235,16 @@ def test_3_1_behind_our_pause_the_control_has_its_time_again(span: int, failed: 
     assert rig.take() == DC1
     rig.wait(span * SECOND)
     assert (rig.end is not None) is failed
+
+
+@pytest.mark.parametrize("length", [0, 5, 100])
+def test_3_1_dsr_that_falls_in_our_pause_ends_the_job(length: int) -> None:
+    """A control that is still there is held, and XON behind it could pass for an answer."""
+    rig, _ = paused(length)
+    dsr_falls(rig)
+    rig.host.release(rig.now)
+    assert rig.take() == b""
+    assert endings(rig) == [(Outcome.FAILED, length if length > 8 else 0)]
 
 
 @pytest.mark.parametrize("released", ["before the end", "behind it", "never"])

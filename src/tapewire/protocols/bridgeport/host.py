@@ -117,7 +117,7 @@ class BridgeportHost(Sending):
         if self._in_transfer:
             self._end(Outcome.FAILED, "DSR fell: the control lost power or its cable", now)
         else:
-            self._lose_the_control()
+            self._lose_the_control(now)
 
     def receive_closed(self, closure: Closure, reason: str, now: Nanos) -> None:
         orderly = closure is Closure.ORDERLY

@@ -368,7 +368,7 @@ class Job:
             why = "sent whole, then a damaged character came, which may have been a cancel: see at the control"
             self._tail_verdict = Outcome.FAILED, f"{why} whether the program is in"
 
-    def _lose_the_control(self) -> None:
+    def _lose_the_control(self, now: Nanos) -> None:
         """DSR fell and no program is under way: the control, or the one that comes back, has asked for nothing."""
         behind = self._break_off() or self._behind
         if self._state is State.HOLD:
@@ -376,7 +376,11 @@ class Job:
         spoilt = self._spoilt_name
         if self._state is State.RECEIVING or (self._state is State.REST and self._name is not None):
             spoilt = "DSR fell inside it or behind it"
-        self._rest()
+        if self._state is State.RECEIVING and self._pause_told:
+            # Nothing would ever let it go on: not XON either, which at rest could pass for an answer.
+            self._end(Outcome.FAILED, f"DSR fell while the control was held by XOFF: {ASK_AGAIN}", now)
+        else:
+            self._rest()
         self._spoilt_name, self._behind = spoilt, behind
 
     # a program from the control
