@@ -11,20 +11,29 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from tapewire.engine import Nanos
+from tapewire.engine import Nanos, Outcome
 from tapewire.line.faults.plan import Wire
+from tapewire.line.pacing import character_time
 from tapewire.line.paths import PATHS, TransmitterEmpty
+from tapewire.protocols import PROTOCOLS
+from tapewire.protocols.bridgeport.records import RECORD_BYTES
+from tapewire.protocols.delivery import HEARD_LATE, HEARD_LATE_CHARACTERS
+from tapewire.protocols.settings import End
 from tapewire.sim.evidence import Attempt, Evidence, Job
 from tapewire.sim.names import Undetectable
-from tapewire.sim.scenarios import Direction, Scenario
+from tapewire.sim.scenarios import Act, Direction, Scenario
 from tapewire.sim.undetectable import Excuses, first_difference
 from tapewire.sim.unnumbered import never_repeated, packets_n
+from tapewire.sim.verdicts import against, end_unheard, reported_well, unlike_what_came
 
 __all__ = ["FOOTPRINT_BYTES", "NO_ENGINE_BREAKS", "Finding", "judge"]
 
 NO_ENGINE_BREAKS: Final = "no engine breaks"
 
 _END_CODES: Final = frozenset(b"\x0d\x8d\x03")
+
+_PRESSED: Final = frozenset(act.value for act in (Act.RESET, Act.ALARM, Act.FEED_HOLD, Act.SINGLE_BLOCK, Act.ABORT))
+_GIVING_UP: Final = frozenset({Act.ABORT.value, Act.RESET.value})
 
 FOOTPRINT_BYTES: Final = 300 * 1024
 """An engine holds no more beside the program: buffers of 8 KB, ten packets, tables, its last events."""
@@ -119,6 +128,9 @@ def _send(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterator[
             yield "what is delivered is a prefix of the program", what, excuses.content(attempt, wrong, got)
     for job in evidence.jobs:
         yield from _job_sent(scenario, evidence, job, excuses)
+        yield from _told_well(scenario, evidence, job, excuses)
+        if job.complete and end_unheard(scenario, job):
+            yield "complete means that its end was heard", f"no stop behind the last DC1: {job.reason}", ""
 
 
 def _job_sent(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuses) -> Iterator[Broken]:
@@ -132,13 +144,40 @@ def _job_sent(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuses
         if most != whole or got + in_flight(scenario) < whole:
             what = f"{got}, at last {most}, of {whole} bytes were with the control: {job.reason}"
             yield "complete means delivered whole", what, excuses.short(_last(attempts), job)
+        if not job.low == job.high == whole:
+            yield "complete counts the whole program", f"{job.low} to {job.high} of {whole} bytes counted", ""
         return
     if job.low > got:
         what = f"{job.low} bytes certain, {got} with the control: {job.reason}"
         yield "what is certain is with the control", what, excuses.less(attempts, job, job.low - got)
+    if (late := _long_before(scenario, evidence, job, attempts)) > job.low:
+        yield "what came long before the end is certain", f"{job.low} bytes certain, {late} came long before", ""
+    if job.high > job.handed:
+        yield "no more counts than was handed over", f"{job.high} bytes at most, {job.handed} handed over", ""
     if job.high < most:
         what = f"{job.high} bytes at most, {most} with the control: {job.reason}"
         yield "no more is with the control than can be", what, excuses.more(attempts, most - job.high)
+
+
+_LONG_BEFORE: Final[Nanos] = 3 * HEARD_LATE
+_LONG_BEFORE_CHARACTERS: Final = 3 * HEARD_LATE_CHARACTERS
+
+
+def _long_before(scenario: Scenario, evidence: Evidence, job: Job, attempts: list[Attempt]) -> int:
+    """Characters that the control had long before it can have said what ended the job, of which its host heard all.
+
+    0 where something happened to a character or to the host, which may then have to doubt it, and in protocol A.
+    """
+    if scenario.protocol.startswith("fanuc-a") or evidence.damages or evidence.sleeps or len(attempts) != 1:
+        return 0
+    if not all(what in _PRESSED for _, what in evidence.acts):
+        return 0
+    # An ACK proves a record (4.2.1), and one of them may be on its way.
+    if scenario.is_linked:
+        return job.got_at_end - RECORD_BYTES
+    character, path = character_time(scenario.baud), PATHS[scenario.path]
+    recent = max(_LONG_BEFORE // character, _LONG_BEFORE_CHARACTERS)
+    return job.got_at_end - recent - in_flight(scenario) - path.out_of_reach - path.timeout_characters
 
 
 def _receive(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterator[Broken]:
@@ -156,6 +195,42 @@ def _receive(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterat
             yield "complete means stored whole", what, excuses.short(_last(attempts), job)
         if job.complete is not None and job.low != len(stored):
             yield "the count is what is stored", f"{job.low} counted, {len(stored)} stored", ""
+        if job.complete is not None and not reported_well(evidence, job):
+            yield "what is reported is what is stored", f"{job.reported} reported, {len(stored)} stored", ""
+        yield from _told_well(scenario, evidence, job, excuses)
+        if job.complete and (attempt := _last(attempts)) is not None:
+            for what in unlike_what_came(scenario, evidence, attempt, job):
+                yield "complete means that it came as one program", what, ""
+    allowed = _punched_behind_a_stop(scenario)
+    if allowed is not None and evidence.cnc.longest_run > allowed:
+        what = f"{evidence.cnc.longest_run} characters behind the stop of the host, {allowed} allowed"
+        yield "a punch-out stops when it is told to", what, ""
+
+
+_LAST_WORDS: Final = 4
+"""What a control that is stopped says to end its punch-out: DC4 and SYN, or a cancel pair and the end of a text."""
+
+
+def _punched_behind_a_stop(scenario: Scenario) -> int | None:
+    """6.1.1 2) (3), 3.2: what a control may still say when its host has stopped it; None where that has no bound."""
+    table = PROTOCOLS[scenario.protocol].params(scenario.settings.cnc, End.CONTROL)
+    match scenario.protocol:
+        case "fanuc-b" | "fanuc-b-expansion":
+            return int(table.punch_overrun) + _LAST_WORDS
+        case "bridgeport":
+            return int(table.after_stop) + _LAST_WORDS
+        case _:
+            return None
+
+
+def _told_well(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuses) -> Iterator[Broken]:
+    """Who reads that a job was cancelled takes it for the doing of a person, and a complete one for in order."""
+    ended = evidence.control_ended(job, Outcome.FAILED, Outcome.CANCELLED)
+    acted = any(what in _GIVING_UP and moment <= job.ended for moment, what in evidence.acts)
+    if job.given_up and not (acted or ended):
+        yield "what counts as given up was", f"nobody did: {job.reason}", excuses.told_wrongly(job)
+    for what in against(scenario, evidence, job) if job.complete else ():
+        yield "complete means that nothing was said against it", what, ""
 
 
 def _attempts_of(evidence: Evidence, job: Job) -> list[Attempt]:
