@@ -130,7 +130,8 @@ def _never_another(_: Method) -> Method:
 def _nothing_proven(method: Method) -> Method:
     def delivered(self: Any) -> tuple[int, int]:
         low, high = method(self)
-        return (low if self.outcome is Outcome.COMPLETE else 0), high
+        sends = self.transmission is not None and self.outcome is not Outcome.COMPLETE
+        return (0 if sends else low), high
 
     return delivered
 

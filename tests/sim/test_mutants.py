@@ -13,6 +13,9 @@ from tests.sim.mutants_verdicts import MUTANTS_OF_WORDS
 SLOW = {
     "B: resume repeats a byte",
     "B: giving up ends the tape",
+    "B: damage behind DC4 is passed over",
+    "B: text behind DC4 is passed over",
+    "B: a code inside a punch-out is passed over",
     "A: RST answered, and the job goes on",
     "expansion A: end packet not repeated",
     "expansion A: DC3 ignored",

@@ -111,6 +111,26 @@ def test_what_is_said_of_another_transfer_is_not_said_of_this_one() -> None:
     assert rules(sent(objection(What.RESET, ENDED - 1)), Direction.SEND, host={"syn_at_end": "complete"}) == []
 
 
+def test_what_comes_behind_a_syn_that_is_the_end_comes_too_late() -> None:
+    early = {"ended": STOP + 10 * MILLISECOND}
+    nak = objection(What.REFUSAL, STOP + 10 * MILLISECOND)
+    syn = objection(What.RESET, STOP + 10 * MILLISECOND)
+    host = {"syn_at_end": "complete"}
+    assert rules(sent(syn, nak, **early), Direction.SEND, host=host) == []
+    assert rules(sent(nak, **early), Direction.SEND, host=host) == AGAINST
+
+
+def test_nothing_of_remote_load_is_certain_before_the_control_says_something() -> None:
+    load = dataclasses.replace(
+        scenario(Direction.SEND, "bridgeport"),
+        settings=Settings(host={}, cnc={"mode": "L"}, data=scenario(Direction.SEND).settings.data),
+    )
+    assert [finding.rule for finding in judge(load, failed())] == []
+    link = dataclasses.replace(load, settings=dataclasses.replace(load.settings, cnc={}))
+    assert [finding.rule for finding in judge(link, failed())] == LONG_BEFORE
+    assert [finding.rule for finding in judge(link, failed(low=4000 - 256))] == []
+
+
 def test_damage_behind_the_last_dc3_may_have_been_a_word_and_before_it_was_none() -> None:
     heard = objection(What.DAMAGE, ENDED - 1)
     assert rules(sent(heard), Direction.SEND) == AGAINST

@@ -166,9 +166,11 @@ _LONG_BEFORE_CHARACTERS: Final = 3 * HEARD_LATE_CHARACTERS
 def _long_before(scenario: Scenario, evidence: Evidence, job: Job, attempts: list[Attempt]) -> int:
     """Characters that the control had long before it can have said what ended the job, of which its host heard all.
 
-    0 where something happened to a character or to the host, which may then have to doubt it, and in protocol A.
+    0 where something happened to a character or to the host, which may then have to doubt it, in protocol A, and in
+    REMOTE LOAD, where nothing is certain but by what the control says next.
     """
-    if scenario.protocol.startswith("fanuc-a") or evidence.damages or evidence.sleeps or len(attempts) != 1:
+    known = scenario.protocol.startswith("fanuc-b") or scenario.is_linked
+    if not known or evidence.damages or evidence.sleeps or len(attempts) != 1:
         return 0
     if not all(what in _PRESSED for _, what in evidence.acts):
         return 0

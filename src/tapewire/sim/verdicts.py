@@ -47,6 +47,9 @@ def _had_to_wait(scenario: Scenario, evidence: Evidence, job: Job, objection: Ob
     """Behind the last DC3 a host listens for SYN and NAK, unless ER falls, or seems to."""
     if not _posts(scenario) or evidence.kinds("DSR", "pulled cable") or evidence.happened("power cut: control"):
         return False
+    if any(other.what is What.RESET and other.moment == job.ended for other in evidence.hearing.objections):
+        # SYN was the end: by `syn_at_end`, or the job would not be complete.
+        return False
     until = objection.stop + _notice_time(scenario)
     return objection.begun <= objection.stop <= job.ended <= objection.moment < until
 
