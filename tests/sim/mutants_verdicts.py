@@ -9,7 +9,6 @@ from tapewire.engine import Outcome, Received
 from tapewire.protocols.bridgeport.host import BridgeportHost
 from tapewire.protocols.bridgeport.host_job import _Ending
 from tapewire.protocols.bridgeport.host_law import State as BridgeportState
-from tapewire.protocols.bridgeport.host_sending import Sending
 from tapewire.protocols.fanuc_b.cnc import FanucBCnc
 from tapewire.protocols.fanuc_b.host import FanucBHost
 from tapewire.protocols.fanuc_b.host import State as BState
@@ -111,18 +110,6 @@ def _all_but_the_last(method: Method) -> Method:
     return finish
 
 
-def _a_save_is_a_save(method: Method) -> Method:
-    """A cancel behind a program that is in changes nothing."""
-
-    def cancel(self: Any, character: int, now: int) -> None:
-        if self.state is BridgeportState.SAVED:
-            self._finish_saved(now)
-        else:
-            method(self, character, now)
-
-    return cancel
-
-
 def _never_another(_: Method) -> Method:
     return lambda self, character, now: False
 
@@ -211,12 +198,6 @@ MUTANTS_OF_WORDS: tuple[Mutant, ...] = (
         protocol=_BP,
         presets=_QUIET,
         spoils=((_Ending, "delivered", _nothing_proven),),
-    ),
-    Mutant(
-        name="Bridgeport: a cancel behind a save is passed over",
-        protocol=_BP,
-        presets=_QUIET,
-        spoils=((Sending, "_on_cancel", _a_save_is_a_save),),
     ),
     Mutant(
         name="Bridgeport: damage behind a save is passed over",

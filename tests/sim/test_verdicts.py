@@ -28,8 +28,8 @@ BEGAN, STOP, ENDED = 11 * SECOND, 15 * SECOND, 16 * SECOND
 def scenario(direction: Direction, protocol: str = "fanuc-b", host: Words | None = None) -> Scenario:
     drawn = draw(protocol, "clean", 1)
     plain = Settings(host=host or {}, cnc={}, data=drawn.settings.data)
-    window = {"baud": 9600, "path": "uart-16550", "window": 2}
-    return dataclasses.replace(drawn, direction=direction, settings=plain, has_signals=True, **window)
+    line = dataclasses.replace(drawn, baud=9600, path="uart-16550", window=2, has_signals=True)
+    return dataclasses.replace(line, direction=direction, settings=plain)
 
 
 def sent(*objections: Objection, **job: Any) -> Evidence:
