@@ -110,10 +110,6 @@ def _all_but_the_last(method: Method) -> Method:
     return finish
 
 
-def _never_another(_: Method) -> Method:
-    return lambda self, character, now: False
-
-
 def _nothing_proven(method: Method) -> Method:
     def delivered(self: Any) -> tuple[int, int]:
         low, high = method(self)
@@ -204,11 +200,5 @@ MUTANTS_OF_WORDS: tuple[Mutant, ...] = (
         protocol=_BP,
         presets=_NOISE,
         spoils=((BridgeportHost, "receive_line_fault", _not_heard_in(BridgeportState.SAVED)),),
-    ),
-    Mutant(
-        name="Bridgeport: text behind the end of a save is passed over",
-        protocol=_BP,
-        presets=_NOISE,
-        spoils=((BridgeportHost, "_has_gone_on", _never_another),),
     ),
 )

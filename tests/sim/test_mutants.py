@@ -17,7 +17,6 @@ SLOW = {
     "B: text behind DC4 is passed over",
     "B: a code inside a punch-out is passed over",
     "Bridgeport: bytes_low is always 0",
-    "Bridgeport: text behind the end of a save is passed over",
     "A: RST answered, and the job goes on",
     "expansion A: end packet not repeated",
     "expansion A: DC3 ignored",
