@@ -226,8 +226,8 @@ def _punched_behind_a_stop(scenario: Scenario) -> int | None:
 
 
 def _told_well(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuses) -> Iterator[Broken]:
-    """Who reads that a job was cancelled takes it for the doing of a person, and a complete one for in order. In protocol
-    A the control tells its state by one digit (4.4.2), which may come otherwise.
+    """Who reads that a job was cancelled takes it for the doing of a person, and a complete one for in order. In
+    protocol A the control tells its state by one digit (4.4.2), which may come otherwise.
     """
     ended = evidence.control_ended(job, Outcome.FAILED, Outcome.CANCELLED)
     acted = any(what in _GIVING_UP and moment <= job.ended for moment, what in evidence.acts)
