@@ -257,3 +257,32 @@ def test_what_is_heard_is_bounded_and_says_behind_what_it_came() -> None:
     for moment in range(2 * MOST_OBJECTIONS):
         hearing.hear(b"\x15", moment)
     assert len(hearing.objections) == MOST_OBJECTIONS
+
+
+def second(**job: Any) -> Evidence:
+    """Behind a complete job another one, from 20 to 30 s, in which the control has begun, and which fails."""
+    evidence = sent()
+    evidence.attempts.append(Attempt(began=21 * SECOND, armed=True, place=WHOLE, heard=0, brought=WHOLE))
+    failed = {"complete": False, "begun": 22 * SECOND, "stop": 23 * SECOND}
+    evidence.jobs.append(Job(**{"began": 20 * SECOND, "attempts_before": 1, "ended": 30 * SECOND, **failed, **job}))
+    return evidence
+
+
+def test_what_happened_to_one_job_costs_no_later_one() -> None:
+    rule = ["what nothing disturbs completes"]
+    evidence = second()
+    evidence.note_act(Act.RESET.value, 12 * SECOND)
+    evidence.sleeps.append((12 * SECOND, 13 * SECOND))
+    for protocol in ("fanuc-b", "fanuc-b-expansion", "bridgeport"):
+        assert rules(evidence, Direction.SEND, protocol) == rule
+    assert rules(evidence, Direction.SEND, "fanuc-a") == []
+
+
+def test_a_later_job_that_something_touched_may_fail() -> None:
+    acted, slept, hit, unasked = second(), second(), second(), second()
+    acted.note_act(Act.ABORT.value, 25 * SECOND)
+    slept.sleeps.append((15 * SECOND, 25 * SECOND))
+    hit.damages.append(Damage(25 * SECOND, "test", Wire.FROM_HOST, 1, b"X", (b"Y",)))
+    unasked.attempts[1].armed = False
+    for evidence in (acted, slept, hit, unasked):
+        assert rules(evidence, Direction.SEND) == []

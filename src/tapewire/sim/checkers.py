@@ -24,7 +24,7 @@ from tapewire.sim.names import Undetectable
 from tapewire.sim.scenarios import Act, Direction, Scenario
 from tapewire.sim.undetectable import Excuses, first_difference
 from tapewire.sim.unnumbered import never_repeated, packets_n
-from tapewire.sim.verdicts import against, end_unheard, reported_well, unlike_what_came
+from tapewire.sim.verdicts import against, end_unheard, left_alone_at_last, reported_well, unlike_what_came
 
 __all__ = ["FOOTPRINT_BYTES", "NO_ENGINE_BREAKS", "Finding", "judge"]
 
@@ -233,6 +233,8 @@ def _told_well(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuse
     acted = any(what in _GIVING_UP and moment <= job.ended for moment, what in evidence.acts)
     if job.given_up and not (acted or ended or scenario.protocol.startswith("fanuc-a")):
         yield "what counts as given up was", f"nobody did: {job.reason}", excuses.told_wrongly(job)
+    if not job.complete and left_alone_at_last(scenario, evidence, job):
+        yield "what nothing disturbs completes", f"a later job is not complete: {job.reason}", ""
     for what in against(scenario, evidence, job) if job.complete else ():
         yield "complete means that nothing was said against it", what, ""
 

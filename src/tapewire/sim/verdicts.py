@@ -16,7 +16,7 @@ from tapewire.sim.frames import text_of
 from tapewire.sim.hearing import Objection, What
 from tapewire.sim.scenarios import Direction, Scenario
 
-__all__ = ["against", "end_unheard", "reported_well", "unlike_what_came"]
+__all__ = ["against", "end_unheard", "left_alone_at_last", "reported_well", "unlike_what_came"]
 
 
 def against(scenario: Scenario, evidence: Evidence, job: Job) -> Iterator[str]:
@@ -91,6 +91,20 @@ def unlike_what_came(scenario: Scenario, evidence: Evidence, attempt: Attempt, j
         behind = heard[heard.find(stored) + len(stored) :].strip(b"\r\n") if stored in heard else b""
         if behind:
             yield f"{len(behind)} characters of text came behind it, and complete: {job.reason}"
+
+
+def left_alone_at_last(scenario: Scenario, evidence: Evidence, job: Job) -> bool:
+    """A later job of protocol B or Bridgeport that the control began, and nothing and nobody touched: what happened to
+    the one before it must have left nothing behind.
+    """
+    if scenario.protocol.startswith("fanuc-a") or job is evidence.jobs[0] or job.complete is None:
+        return False
+    since = job.began - SECOND
+    touched = [damage.moment for damage in evidence.damages] + [until for _, until in evidence.sleeps]
+    touched += [moment for moment, count, allowed in evidence.overruns if count > allowed]
+    acted = any(job.covers(moment) for moment, _ in evidence.acts)
+    begun = any(attempt.armed for attempt in evidence.attempts[job.attempts_before :])
+    return begun and not acted and all(moment < since for moment in touched)
 
 
 def reported_well(evidence: Evidence, job: Job) -> bool:
