@@ -173,15 +173,10 @@ def test_a_complete_job_counts_all_of_it() -> None:
         assert rules(sent(low=low, high=high), Direction.SEND) == ["complete counts the whole program"]
 
 
-def test_what_is_reported_is_what_is_stored_but_for_what_came_damaged() -> None:
+def test_what_is_reported_is_what_is_stored() -> None:
     rule = ["what is reported is what is stored"]
     assert rules(_reported(WHOLE - 1), Direction.RECEIVE) == rule
     assert rules(_reported(WHOLE + 1), Direction.RECEIVE) == rule
-    damaged = _reported(WHOLE - 1)
-    damaged.jobs[0].complete = False
-    damaged.note_act(Act.RESET.value, ENDED - 1)
-    damaged.hearing.objections.append(objection(What.DAMAGE, 12 * SECOND))
-    assert rules(damaged, Direction.RECEIVE) == []
 
 
 def _reported(count: int) -> Evidence:

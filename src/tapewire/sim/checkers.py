@@ -197,7 +197,7 @@ def _receive(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterat
             yield "complete means stored whole", what, excuses.short(_last(attempts), job)
         if job.complete is not None and job.low != len(stored):
             yield "the count is what is stored", f"{job.low} counted, {len(stored)} stored", ""
-        if job.complete is not None and not reported_well(evidence, job):
+        if job.complete is not None and not reported_well(job):
             yield "what is reported is what is stored", f"{job.reported} reported, {len(stored)} stored", ""
         yield from _told_well(scenario, evidence, job, excuses)
         if job.complete and (attempt := _last(attempts)) is not None:

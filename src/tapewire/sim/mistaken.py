@@ -131,12 +131,15 @@ def record_never_came(evidence: Evidence, wait: Wait, ends: frozenset[int]) -> b
 
 def ended_unanswered(evidence: Evidence, wait: Wait, unseen: Sequence[Damage], ends: frozenset[int]) -> bool:
     """DNC LINK: an end code was forged in the last record the host has said, or behind it, and a control that has all
-    answers nothing more. `unseen` is damage of what the host says.
+    answers nothing more; nor does one that is told by it, before anything has come, that there is no such program.
+    `unseen` is damage of what the host says.
     """
-    whole = [ended for ended, outcome in evidence.control_ends if outcome is Outcome.COMPLETE]
+    refused = wait.attempt is not None and not wait.attempt.got
+    told = (Outcome.COMPLETE, Outcome.FAILED) if refused else (Outcome.COMPLETE,)
+    over = [ended for ended, outcome in evidence.control_ends if outcome in told]
     record = wait.told - RECORD_BYTES - _FRAMING
     forged = [hit for hit in unseen if hit.told >= record and ends & (set(hit.plain) - set(hit.sent))]
-    return any(hit.moment <= ended and wait.job.covers(ended) for hit in forged for ended in whole)
+    return any(hit.moment <= ended and wait.job.covers(ended) for hit in forged for ended in over)
 
 
 def end_was_hidden(evidence: Evidence, wait: Wait, ends: frozenset[int]) -> bool:

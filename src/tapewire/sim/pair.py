@@ -23,8 +23,8 @@ __all__ = ["MOST_EVENTS", "Pair", "Side"]
 MAX_STEPS_AT_ONCE: Final = 1000
 """Steps at one moment after which the world is taken to run in circles."""
 
-MOST_EVENTS: Final = 100_000
-"""Events of one end that are kept; a dialogue of a day has a few thousand."""
+MOST_EVENTS: Final = 1_000_000
+"""Events of one end that are kept. A dialogue of a day has a few thousand, a punch-out at a wrong rate 200,000."""
 
 
 class Side:

@@ -288,9 +288,17 @@ class Excuses:
             if went_round(self._evidence, self._n, attempt, job, missing):
                 return Undetectable.TEN_PACKETS
         acknowledged = self._is_a or self._linked
-        if not acknowledged and heard_late(self._scenario, self._evidence, job, missing, LEAVING):
+        if not acknowledged and heard_late(self._scenario, self._evidence, job, missing, self._ends_within(job)):
             return Undetectable.LATE_WORD
         return Undetectable.OTHER_NAME if self._name_changed(attempt) else self.told_wrongly(job)
+
+    def _ends_within(self, job: Job) -> Nanos:
+        """So long after what ended the control's operation. Where that looks like a stop, until somebody acts."""
+        taken_for_a_stop = any(
+            wait.job.began == job.began and looks_like_a_stop(self._scenario, self._evidence, wait)
+            for wait in self._evidence.waits
+        )
+        return job.ended if self._is_b and taken_for_a_stop else LEAVING
 
     def more(self, attempts: list[Attempt], surplus: int) -> str:
         """`surplus` characters more are with the control than were handed over. It reads on when its host has ended."""

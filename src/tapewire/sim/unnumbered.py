@@ -34,8 +34,9 @@ def lost_packets(evidence: Evidence, n: int, attempt: Attempt, wrong: int) -> st
     resumed = program.find(rest[:64], gap)
     skipped = (resumed - gap) // data
     round_trip = resumed > gap and (resumed - gap) % (10 * data) == 0
-    # The first one need not be gone whole: it is asked for by its number, and another bears that by then.
-    if round_trip and (unheard or lost > (skipped - 1) * length):
+    # The first one need not be gone whole: it is asked for by its number, and another bears that by then. Nor need the
+    # last one: its rest, behind what was lost, is no packet.
+    if round_trip and (unheard or lost > (skipped - 2) * length):
         return Undetectable.TEN_PACKETS
     missing = len(program) - len(attempt.delivered)
     if program.endswith(rest) and missing % data == 0 and lost // length * data >= missing:

@@ -107,7 +107,6 @@ def left_alone_at_last(scenario: Scenario, evidence: Evidence, job: Job) -> bool
     return begun and not acted and all(moment < since for moment in touched)
 
 
-def reported_well(evidence: Evidence, job: Job) -> bool:
-    """What is stored was reported as it came; a character that came damaged may be stored unreported."""
-    damaged = any(objection.what is What.DAMAGE for objection in evidence.hearing.objections)
-    return job.reported <= len(job.stored) and (damaged or job.reported == len(job.stored))
+def reported_well(job: Job) -> bool:
+    """What is stored was reported as it came, what came damaged too."""
+    return job.reported == len(job.stored)

@@ -15,6 +15,7 @@ from tapewire.engine import (
     LineFault,
     Notice,
     Outcome,
+    Received,
     Requested,
     Resumed,
     Started,
@@ -363,6 +364,16 @@ def test_6_4_1_dc3_inside_a_punch_out_is_its_end_before_its_time(stop: bytes) ->
     rig.hear(b"\x12O0001\n" + stop)
     assert rig.end is not None
     assert (rig.end.outcome, rig.end.bytes_low) == (Outcome.FAILED, 6)
+
+
+def test_a_damaged_character_of_a_punch_out_is_stored_and_told() -> None:
+    rig, sink = Rig(b""), BytesIO()
+    rig.host.receive(sink, 0)
+    rig.hear(b"\x12%\nO1")
+    rig.host.receive_line_fault(LineFault.PARITY, 0x41, rig.now)
+    rig.hear(b"X1\n%\x14")
+    told = sum(event.count for event in rig.of(Received) if isinstance(event, Received))
+    assert (sink.getvalue(), told) == (b"%\nO1AX1\n%", 9)
 
 
 def test_one_job_at_a_time() -> None:

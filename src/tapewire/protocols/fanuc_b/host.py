@@ -112,7 +112,9 @@ class FanucBHost(Job):
                 self._end(Outcome.FAILED, f"sent whole, then damage ({fault}): {MAY_BE_NOTICE}", now)
             case State.RECEIVING | State.AFTER_DC4:
                 assert self._reception is not None
+                before = self._reception.stored
                 self._reception.line_fault(fault, byte)
+                self._note_stored(before)
             case _:
                 pass
 
@@ -366,11 +368,15 @@ class FanucBHost(Job):
         assert self._reception is not None
         before = self._reception.stored
         position, code = self._reception.read(data, position)
-        if self._reception.stored > before:
-            self._events.put(Received(count=self._reception.stored - before))
+        self._note_stored(before)
         if code is not None:
             self._receive_code(code, now)
         return position
+
+    def _note_stored(self, before: int) -> None:
+        assert self._reception is not None
+        if count := self._reception.stored - before:
+            self._events.put(Received(count=count))
 
     def _listen_for_notice(self, now: Nanos) -> None:
         """After DC4, from when nothing of ours holds the control back: in binary data the DC4 may be program, and what
