@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from tapewire.engine import Nanos
-from tapewire.line.faults.plan import Wire
+from tapewire.engine import Nanos, Outcome
+from tapewire.line.faults.plan import Burst, DoubleCharacter, FlipBits, Framing, Lose, Noise, Wire
 from tapewire.line.paths import PATHS, TransmitterEmpty
 from tapewire.sim.evidence import Attempt, Evidence, Job
 from tapewire.sim.names import Undetectable
-from tapewire.sim.scenarios import Direction, Scenario
+from tapewire.sim.scenarios import Act, Direction, Scenario
 from tapewire.sim.undetectable import Excuses, first_difference
 from tapewire.sim.unnumbered import never_repeated, packets_n
 
@@ -25,6 +25,13 @@ __all__ = ["FOOTPRINT_BYTES", "NO_ENGINE_BREAKS", "Finding", "judge"]
 NO_ENGINE_BREAKS: Final = "no engine breaks"
 
 _END_CODES: Final = frozenset(b"\x0d\x8d\x03")
+
+_OUTWAITED: Final = frozenset({Act.FEED_HOLD.value, Act.SINGLE_BLOCK.value, Act.STALL.value})
+"""A hold of protocol A lasts as long as it lasts (4.3 (5), 5.3 3)), and no computer stalls for as long as To (4.5)."""
+
+_PERSONS: Final = frozenset(act.value for act in Act)
+
+_OF_ONE_CHARACTER: Final = frozenset(fault.kind for fault in (FlipBits, Burst, Lose, DoubleCharacter, Framing, Noise))
 
 FOOTPRINT_BYTES: Final = 300 * 1024
 """An engine holds no more beside the program: buffers of 8 KB, ten packets, tables, its last events."""
@@ -61,8 +68,11 @@ def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterato
         yield "memory is bounded", f"{evidence.footprint:,} bytes", ""
     if evidence.host.after_stop:
         yield "nothing is handed over after a stop", f"{evidence.host.after_stop} characters", ""
-    if evidence.left_alone and not evidence.damages and not evidence.overruns_beyond and not evidence.jobs[0].complete:
-        yield "what nothing disturbs completes", f"not complete: {evidence.jobs[0].reason}", ""
+    for job in evidence.jobs:
+        if not job.complete and _nothing_disturbs(scenario, evidence, job):
+            yield "what nothing disturbs completes", f"not complete: {job.reason}", ""
+    if _alarm_of_nothing(scenario, evidence):
+        yield "what nothing disturbs ends in no alarm", "the control's reading ended in one", ""
     if _must_be_repeated(scenario, evidence) and not evidence.jobs[0].complete:
         what = f"not complete after {evidence.damages[0].name}: {evidence.jobs[0].reason}"
         yield "what can be asked for again is", what, ""
@@ -78,20 +88,55 @@ def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterato
             yield "no more comes after a stop than is allowed", what, excuse
 
 
+def _nothing_disturbs(scenario: Scenario, evidence: Evidence, job: Job) -> bool:
+    """Nobody did anything to `job`, or nothing but what protocol A outwaits. There a second one completes too, whatever
+    persons did to the first.
+    """
+    if evidence.damages or evidence.overruns_beyond:
+        return False
+    acts = evidence.acts_during(job)
+    if not scenario.protocol.startswith("fanuc-a"):
+        return job is evidence.jobs[0] and not acts
+    began = any(attempt.armed for attempt in evidence.attempts[job.attempts_before :])
+    return began and _by_persons(evidence) and _OUTWAITED.issuperset(acts)
+
+
+def _by_persons(evidence: Evidence) -> bool:
+    """Both ends had power all the time, and no computer stalled for as long as two stalls may last together."""
+    acts = [what for _, what in evidence.acts]
+    return acts.count(Act.STALL.value) <= 1 and _PERSONS.issuperset(acts)
+
+
+def _alarm_of_nothing(scenario: Scenario, evidence: Evidence) -> bool:
+    """A control of protocol A ended a reading in an alarm that is nobody's doing: nothing happened on the line."""
+    if evidence.damages or evidence.overruns_beyond or evidence.happened(Act.ALARM.value):
+        return False
+    failed = any(outcome is Outcome.FAILED for _, outcome in evidence.control_ends)
+    return failed and _by_persons(evidence) and scenario.protocol.startswith("fanuc-a")
+
+
 def _must_be_repeated(scenario: Scenario, evidence: Evidence) -> bool:
-    """One character turned in all, and nothing else, in a protocol whose ends ask again for what came damaged."""
+    """One character was hit in all, and nothing else, in a protocol whose ends ask again for what came damaged."""
     ne = scenario.settings.host.get("Ne", "10")
     # A NAK for the packet behind a bad one is one more retry (4.5, 5.3 2)).
     at_once = ne == "1" and scenario.settings.cnc.get("naks") == "packet"
     repeats = scenario.protocol.startswith("fanuc-a") and ne != "0" and not at_once
-    damages = evidence.damages
-    one = len(damages) == 1 and damages[0].unseen and len(damages[0].plain) == len(damages[0].sent) == 1
-    if one and set(damages[0].sent + damages[0].plain) & _END_CODES:
-        # There is no length and no other mark: a message without its end is over when To is (4.1, 4.6 1)).
+    if not repeats or len(evidence.damages) != 1 or not evidence.left_alone or evidence.overruns_beyond:
         return False
-    if one and never_repeated(evidence, packets_n(scenario), damages[0]):
+    damage, n = evidence.damages[0], packets_n(scenario)
+    # A sum does not show a NUL more or less.
+    one = damage.kind in _OF_ONE_CHARACTER and len(damage.sent) <= 1 and any(damage.sent + damage.plain)
+    if one and not n and damage.wire is Wire.FROM_CONTROL:
+        # The host hears that a message does not go on, and asks for it before To is over.
+        return True
+    if not damage.unseen or set(damage.sent + damage.plain) & _END_CODES:
+        # A marked one is an open line (4.6 1)). There is no length and no other mark: a message without its end is over
+        # when To is (4.1, 4.6 1)).
         return False
-    return repeats and one and evidence.left_alone and not evidence.overruns_beyond
+    if not n:
+        return one
+    turned = len(damage.plain) == len(damage.sent) == 1
+    return turned and not never_repeated(evidence, n, damage)
 
 
 def _overrun_excuse(scenario: Scenario, allowed: int, moment: Nanos, excuses: Excuses) -> str:
@@ -132,6 +177,9 @@ def _job_sent(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuses
         if most != whole or got + in_flight(scenario) < whole:
             what = f"{got}, at last {most}, of {whole} bytes were with the control: {job.reason}"
             yield "complete means delivered whole", what, excuses.short(_last(attempts), job)
+        elif job.delivered_at_end < whole and _waits_for_empty(scenario, evidence, job):
+            what = f"{job.delivered_at_end} of {whole} bytes were out of the buffer: {job.reason}"
+            yield "complete means taken out of the buffer", what, excuses.told_wrongly(job)
         return
     if job.low > got:
         what = f"{job.low} bytes certain, {got} with the control: {job.reason}"
@@ -139,6 +187,15 @@ def _job_sent(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuses
     if job.high < most:
         what = f"{job.high} bytes at most, {most} with the control: {job.reason}"
         yield "no more is with the control than can be", what, excuses.more(attempts, most - job.high)
+
+
+def _waits_for_empty(scenario: Scenario, evidence: Evidence, job: Job) -> bool:
+    """SAT tells a host of protocol A what is in the buffer (4.4.2 1)). One that was told to takes the RST of a person
+    for that of M30.
+    """
+    pressed = Act.RESET.value in evidence.acts_during(job)
+    by_rst = pressed and scenario.settings.host.get("rst_at_end") == "complete"
+    return scenario.protocol.startswith("fanuc-a") and not by_rst
 
 
 def _receive(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterator[Broken]:

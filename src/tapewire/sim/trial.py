@@ -319,7 +319,7 @@ class Trial:
         evidence.stuck += ["host"] * (self._job is not None) + ["control"] * self._busy
 
     def _abort(self) -> None:
-        self.evidence.note_act(Act.ABORT.value, self.world.now)
+        self.evidence.note_tidying(Act.ABORT.value, self.world.now)
         if not self.pair.host_side.off:
             self.pair.host.abort(self.world.now)
         self.world.advance(lambda: self._job is None, self.world.now + AFTER_RESET)
@@ -332,7 +332,7 @@ class Trial:
     def _reset(self) -> None:
         if self.pair.cnc_side.off:
             return
-        self.evidence.note_act(Act.RESET.value, self.world.now)
+        self.evidence.note_tidying(Act.RESET.value, self.world.now)
         self.pair.control.reset(self.world.now)
 
     def _finish(self) -> None:

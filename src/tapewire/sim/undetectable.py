@@ -125,13 +125,14 @@ class Excuses:
     def _dark_control(self, job: Job) -> str:
         """What ended the control's operation in the time of `job` and reached no host to which ER says nothing."""
         evidence = self._evidence
-        if not self._er_unseen:
+        if self._is_a or not self._er_unseen:
+            # A control of protocol A that comes back says SYN (4.3 (1)).
             return ""
         if any(what == "power cut: control" and job.covers(moment) for moment, what in evidence.acts):
             return Undetectable.DARK_CONTROL
         failed = self._evidence.control_ended(job, Outcome.FAILED)
         pulled = [damage for damage in evidence.damages if damage.kind == "pulled cable"]
-        if not self._is_a and failed and any(job.covers(damage.moment) for damage in pulled):
+        if failed and any(job.covers(damage.moment) for damage in pulled):
             # SR855; and while DR is OFF neither SYN nor NAK is posted (6.1.2).
             return Undetectable.ALARM_UNPLUGGED
         return ""
@@ -344,6 +345,10 @@ class Excuses:
 
     def out_of_nothing(self, attempt: Attempt) -> str:
         """Something of a program that was not armed came."""
+        if self._is_a:
+            # A character is not yet a DAT or a packet.
+            brought = bytes(self._evidence.cnc.brought[attempt.brought :])
+            return Undetectable.SUM if cancelled_sums(self._evidence.host_lives, brought, self._n) else ""
         unseen = self._unseen(Wire.FROM_HOST)
         if self._is_bridgeport:
             return self._text_of_codes(attempt, [hit for hit in unseen if hit.plain and self._while_read(hit, attempt)])
