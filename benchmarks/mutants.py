@@ -1,4 +1,4 @@
-"""How many transfers the campaign needs to notice each of the deliberate bugs of tests/sim/mutants.py.
+"""How many transfers the campaign needs to notice each of the deliberate bugs of tests/sim/mutants*.py.
 
     python -m benchmarks.mutants [--most N] [WORD ...]
 
@@ -15,6 +15,7 @@ from benchmarks.report import table, write_section
 from tapewire.sim.campaign import Case, run_case
 from tapewire.sim.checkers import NO_ENGINE_BREAKS
 from tests.sim.mutants import MUTANTS, Mutant
+from tests.sim.mutants_fanuc_a import MUTANTS_OF_A
 
 PAGE = Path(__file__).parent.parent / "docs" / "reliability.md"
 
@@ -50,7 +51,7 @@ def main(arguments: Sequence[str]) -> int:
         most = int(words[at + 1])
         del words[at : at + 2]
     rows, missed = [], 0
-    for mutant in MUTANTS:
+    for mutant in (*MUTANTS, *MUTANTS_OF_A):
         if words and not any(word in mutant.name for word in words):
             continue
         count, rule = transfers_needed(mutant, most)

@@ -42,7 +42,11 @@ def transfer(**job: Any) -> Evidence:
 
 
 def failed() -> Evidence:
-    return transfer(complete=False, low=0)
+    """A job of which nothing came."""
+    evidence = transfer(complete=False, low=0, high=0, got_at_end=0, delivered_at_end=0)
+    evidence.attempts[0].delivered.clear()
+    evidence.attempts[0].got = 0
+    return evidence
 
 
 def rules(evidence: Evidence, protocol: str = "fanuc-a", host: Words | None = None) -> list[str]:

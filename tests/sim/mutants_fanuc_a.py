@@ -1,0 +1,84 @@
+"""More deliberate bugs of protocol A: each of them the checkers once passed over."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from tapewire.engine import SECOND
+from tapewire.protocols.fanuc_a.cnc_turn import Turn
+from tapewire.protocols.fanuc_a.host import FanucAHost
+from tapewire.protocols.fanuc_a.host_exchange import Exchange
+from tapewire.protocols.fanuc_a.host_law import Timer
+from tapewire.protocols.fanuc_a.host_streaming import Streaming
+from tests.sim.mutants import Mutant
+
+__all__ = ["MUTANTS_OF_A"]
+
+
+def _empty_whatever_is_stored(method: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda self, stored, now: method(self, 0, now)
+
+
+def _for_minutes(method: Callable[..., Any]) -> Callable[..., Any]:
+    """The inter-byte time is a thousand times as long as it is set."""
+
+    def wait_for_rest(self: Any, now: int) -> None:
+        method(self, now)
+        if self._timers.running(Timer.INTERBYTE):
+            self._timers.start(Timer.INTERBYTE, now + round(self._params.interbyte * 1000 * SECOND))
+
+    return wait_for_rest
+
+
+def _can_is_remembered(method: Callable[..., Any]) -> Callable[..., Any]:
+    def leave_packets(self: Any) -> None:
+        before = self._canned
+        method(self)
+        self._canned = self._canned or before
+
+    return leave_packets
+
+
+def _ten_times_too_late(method: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda self: 10 * method(self)
+
+
+def _never(method: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda self: False
+
+
+_A, _AX = "fanuc-a", "fanuc-a-expansion"
+
+MUTANTS_OF_A: tuple[Mutant, ...] = (
+    Mutant(
+        name="A: complete though the buffer is not empty",
+        protocol=_A,
+        presets=("clean", "host-restart"),
+        spoils=((FanucAHost, "_judge_operating", _empty_whatever_is_stored),),
+    ),
+    Mutant(
+        name="A: a message that breaks off is waited for",
+        protocol=_A,
+        presets=("doubtful-driver", "noisy-idle"),
+        spoils=((Exchange, "wait_for_rest", _for_minutes),),
+    ),
+    Mutant(
+        name="expansion A: To goes on while the host is held",
+        protocol=_AX,
+        presets=("clean",),
+        spoils=((Turn, "_held", _never),),
+    ),
+    Mutant(
+        name="expansion A: the CAN of a job ends the next one",
+        protocol=_AX,
+        presets=("clean",),
+        spoils=((FanucAHost, "_leave_packets", _can_is_remembered),),
+    ),
+    Mutant(
+        name="expansion A: invalid packets ten times too late",
+        protocol=_AX,
+        presets=("clean",),
+        spoils=((Streaming, "_keep_alive_time", _ten_times_too_late),),
+    ),
+)
