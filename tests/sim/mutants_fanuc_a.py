@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tapewire.engine import SECOND
+from tapewire.engine import Outcome
 from tapewire.protocols.fanuc_a.cnc_turn import Turn
 from tapewire.protocols.fanuc_a.host import FanucAHost
-from tapewire.protocols.fanuc_a.host_exchange import Exchange
-from tapewire.protocols.fanuc_a.host_law import Timer
 from tapewire.protocols.fanuc_a.host_streaming import Streaming
 from tests.sim.mutants import Mutant
 
@@ -20,15 +18,12 @@ def _empty_whatever_is_stored(method: Callable[..., Any]) -> Callable[..., Any]:
     return lambda self, stored, now: method(self, 0, now)
 
 
-def _for_minutes(method: Callable[..., Any]) -> Callable[..., Any]:
-    """The inter-byte time is a thousand times as long as it is set."""
+def _ends_the_job(method: Callable[..., Any]) -> Callable[..., Any]:
+    def fault(self: Any, fault: Any, byte: int | None, now: int) -> None:
+        self._interrupt(Outcome.FAILED, f"{fault}", now)
+        method(self, fault, byte, now)
 
-    def wait_for_rest(self: Any, now: int) -> None:
-        method(self, now)
-        if self._timers.running(Timer.INTERBYTE):
-            self._timers.start(Timer.INTERBYTE, now + round(self._params.interbyte * 1000 * SECOND))
-
-    return wait_for_rest
+    return fault
 
 
 def _can_is_remembered(method: Callable[..., Any]) -> Callable[..., Any]:
@@ -58,10 +53,10 @@ MUTANTS_OF_A: tuple[Mutant, ...] = (
         spoils=((FanucAHost, "_judge_operating", _empty_whatever_is_stored),),
     ),
     Mutant(
-        name="A: a message that breaks off is waited for",
+        name="A: a damaged character ends the job instead of being asked for again",
         protocol=_A,
-        presets=("doubtful-driver", "noisy-idle"),
-        spoils=((Exchange, "wait_for_rest", _for_minutes),),
+        presets=("worn-connector", "noisy-idle"),
+        spoils=((FanucAHost, "receive_line_fault", _ends_the_job),),
     ),
     Mutant(
         name="expansion A: To goes on while the host is held",

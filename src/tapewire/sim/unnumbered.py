@@ -63,11 +63,11 @@ def went_round(evidence: Evidence, n: int, attempt: Attempt, job: Job, missing: 
 def never_repeated(evidence: Evidence, n: int, damage: Damage) -> bool:
     """It hit what nobody says again by the rules of the packets, though its sum shows it.
 
-    The GTD before the first of them: behind it a control hears nothing but packets, so not that it is asked again (5.2).
-    DC1: the host waits for a monitor packet, and a control that has said DC1 waits for a packet (5.3 4)). And what
-    makes the control pass over a good end packet, as one that was under way behind a bad effective packet would be
-    (5.2 2)): the number of the end packet itself, or an invalid packet before it, which may have been either,
-    where nothing but other invalid ones stand between.
+    The GTD before the first of them: behind it a control hears no RTY, only packets (5.2). DC1: the host waits for a
+    monitor packet, and a control that has said DC1 waits for a packet (5.3 4)). And what makes the control pass
+    over a good end packet, as one that was under way behind a bad effective packet would be (5.2 2)): the number of the
+    end packet itself, or an invalid packet before it, which may have been either, where nothing but other invalid ones
+    stand between.
     """
     if not n or not damage.place:
         return False
