@@ -14,7 +14,8 @@ from typing import Final
 from tapewire.engine import Nanos, Outcome
 from tapewire.line.faults.plan import Burst, DoubleCharacter, FlipBits, Framing, Lose, Noise, Wire
 from tapewire.line.paths import PATHS, TransmitterEmpty
-from tapewire.sim.evidence import Attempt, Evidence, Job
+from tapewire.sim.evidence import Attempt, Damage, Evidence, Job
+from tapewire.sim.frames import last_data
 from tapewire.sim.names import Undetectable
 from tapewire.sim.scenarios import Act, Direction, Scenario
 from tapewire.sim.undetectable import Excuses, first_difference
@@ -32,6 +33,9 @@ _OUTWAITED: Final = frozenset({Act.FEED_HOLD.value, Act.SINGLE_BLOCK.value, Act.
 _PERSONS: Final = frozenset(act.value for act in Act)
 
 _OF_ONE_CHARACTER: Final = frozenset(fault.kind for fault in (FlipBits, Burst, Lose, DoubleCharacter, Framing, Noise))
+
+_FAR_BELOW_NE: Final = 3
+"""So many characters that are hit cost six repetitions at the most: 10 are allowed (Ne, 4.5)."""
 
 FOOTPRINT_BYTES: Final = 300 * 1024
 """An engine holds no more beside the program: buffers of 8 KB, ten packets, tables, its last events."""
@@ -75,7 +79,7 @@ def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterato
         yield "what nothing disturbs ends in no alarm", "the control's reading ended in one", ""
     if _must_be_repeated(scenario, evidence) and not evidence.jobs[0].complete:
         what = f"not complete after {evidence.damages[0].name}: {evidence.jobs[0].reason}"
-        yield "what can be asked for again is", what, ""
+        yield "what can be asked for again is", what, excuses.hit_twice(evidence.jobs[0])
     for wait in evidence.waits:
         for who in wait.who:
             yield "nobody waits for ever", f"the {who} waits, and nothing more is to come", excuses.waiting(who, wait)
@@ -116,27 +120,33 @@ def _alarm_of_nothing(scenario: Scenario, evidence: Evidence) -> bool:
 
 
 def _must_be_repeated(scenario: Scenario, evidence: Evidence) -> bool:
-    """One character was hit in all, and nothing else, in a protocol whose ends ask again for what came damaged."""
+    """Single characters were hit, and nothing else, in a protocol whose ends ask again for what came damaged."""
     ne = scenario.settings.host.get("Ne", "10")
     # A NAK for the packet behind a bad one is one more retry (4.5, 5.3 2)).
     at_once = ne == "1" and scenario.settings.cnc.get("naks") == "packet"
     repeats = scenario.protocol.startswith("fanuc-a") and ne != "0" and not at_once
-    if not repeats or len(evidence.damages) != 1 or not evidence.left_alone or evidence.overruns_beyond:
+    if not repeats or not evidence.damages or not evidence.left_alone or evidence.overruns_beyond:
         return False
-    damage, n = evidence.damages[0], packets_n(scenario)
-    # A sum does not show a NUL more or less.
-    one = damage.kind in _OF_ONE_CHARACTER and len(damage.sent) <= 1 and any(damage.sent + damage.plain)
-    if one and not n and damage.wire is Wire.FROM_CONTROL:
+    n = packets_n(scenario)
+    if not n:
+        most = _FAR_BELOW_NE if ne == "10" else 1
+        return len(evidence.damages) <= most and all(map(_costs_a_repetition, evidence.damages))
+    damage = evidence.damages[0]
+    turned = damage.unseen and len(damage.plain) == len(damage.sent) == 1
+    by_end = set(damage.sent + damage.plain) & _END_CODES
+    return len(evidence.damages) == 1 and turned and not by_end and not never_repeated(evidence, n, damage)
+
+
+def _costs_a_repetition(damage: Damage) -> bool:
+    """Of a message of protocol A, and nothing more (4.6 2)). A sum does not show a NUL more or less."""
+    if damage.kind not in _OF_ONE_CHARACTER or len(damage.sent) > 1 or not any(damage.sent + damage.plain):
+        return False
+    if damage.wire is Wire.FROM_CONTROL:
         # The host hears that a message does not go on, and asks for it before To is over.
         return True
-    if not damage.unseen or set(damage.sent + damage.plain) & _END_CODES:
-        # A marked one is an open line (4.6 1)). There is no length and no other mark: a message without its end is over
-        # when To is (4.1, 4.6 1)).
-        return False
-    if not n:
-        return one
-    turned = len(damage.plain) == len(damage.sent) == 1
-    return turned and not never_repeated(evidence, n, damage)
+    # A marked one is an open line (4.6 1)). There is no length and no other mark: a message without its end is over
+    # when To is (4.1, 4.6 1)).
+    return damage.unseen and not set(damage.sent + damage.plain) & _END_CODES
 
 
 def _overrun_excuse(scenario: Scenario, allowed: int, moment: Nanos, excuses: Excuses) -> str:
@@ -184,9 +194,23 @@ def _job_sent(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuses
     if job.low > got:
         what = f"{job.low} bytes certain, {got} with the control: {job.reason}"
         yield "what is certain is with the control", what, excuses.less(attempts, job, job.low - got)
+    least = _least_certain(scenario, evidence, job, attempts)
+    if job.low < least:
+        yield "what was asked behind is certain", f"{job.low} bytes certain, {least} asked behind: {job.reason}", ""
     if job.high < most:
         what = f"{job.high} bytes at most, {most} with the control: {job.reason}"
         yield "no more is with the control than can be", what, excuses.more(attempts, most - job.high)
+
+
+def _least_certain(scenario: Scenario, evidence: Evidence, job: Job, attempts: list[Attempt]) -> int:
+    """What the control had before the last DAT, for which it has said GTD (4.4.1). 0 where anything may have kept the host
+    from hearing that, and for packets, of which nothing says that they are there.
+    """
+    if scenario.protocol != "fanuc-a" or evidence.damages or len(attempts) != 1 or not _by_persons(evidence):
+        return 0
+    # The first message of all is SYN, of six characters.
+    sent = bytes(evidence.host.sent)
+    return job.got_at_end - last_data(sent[job.place :], sent[5:6]) if sent else 0
 
 
 def _waits_for_empty(scenario: Scenario, evidence: Evidence, job: Job) -> bool:

@@ -343,6 +343,7 @@ class Trial:
                 self._reset_and_wait()
                 self._press_start()
                 self.world.run_for(UNARMED)
+                self._arm_late()
                 self._reset()
             case Finish.START_AGAIN if self._job is None:
                 self._reset_and_wait()
@@ -352,6 +353,20 @@ class Trial:
             case _:
                 return
         self.world.run_for(QUIET)
+
+    def _arm_late(self) -> None:
+        """A control of protocol A that asks, and was given nothing, asks again (WAT, 4.4.1; invalid packets, 5.2)."""
+        attempt = self.evidence.attempts[-1]
+        if (
+            self.scenario.protocol.startswith("fanuc-a")
+            and self._busy
+            and not self.pair.host_side.off
+            and not attempt.got
+        ):
+            self._arm()
+            attempt.armed = True
+            self.evidence.jobs[-1].attempts_before -= 1
+            self._run_to_the_end()
 
     def _reset_and_wait(self) -> None:
         """Both ends have power, the control is reset, and the operator looks on for a while."""
@@ -474,8 +489,7 @@ class Trial:
         """In one transfer of sixteen: it costs more than most transfers."""
         if self.scenario.seed % 16:
             return 0
-        held = max(footprint(self.pair.host), footprint(self.pair.cnc))
-        return max(0, held - len(self.evidence.program))
+        return max(0, max(footprint(self.pair.host), footprint(self.pair.cnc)) - len(self.evidence.program))
 
 
 class _Store:

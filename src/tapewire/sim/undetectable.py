@@ -365,6 +365,10 @@ class Excuses:
             return ""
         return made[0].name if made and not answered else Undetectable.READ_AS_TEXT
 
+    def hit_twice(self, job: Job) -> str:
+        """Two characters of one message of protocol A, and its sum is right (4.1)."""
+        return self.told_wrongly(job) or self.stuck("control") if len(self._evidence.damages) > 1 else ""
+
     def stuck(self, who: str) -> str:
         """Given up at one end, RESET at the other, and this one has not ended: a To that came otherwise (4.5)."""
         if not self._is_a or who != "control":
