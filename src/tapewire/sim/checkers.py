@@ -203,8 +203,8 @@ def _job_sent(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuses
 
 
 def _least_certain(scenario: Scenario, evidence: Evidence, job: Job, attempts: list[Attempt]) -> int:
-    """What the control had before the last DAT, for which it has said GTD (4.4.1). 0 where anything may have kept the host
-    from hearing that, and for packets, of which nothing says that they are there.
+    """What the control had before the last DAT, for which it has said GTD (4.4.1). 0 where anything may have kept the
+    host from hearing that, and for packets, of which nothing says that they are there.
     """
     if scenario.protocol != "fanuc-a" or evidence.damages or len(attempts) != 1 or not _by_persons(evidence):
         return 0
