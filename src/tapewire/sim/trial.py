@@ -356,9 +356,8 @@ class Trial:
 
     def _arm_late(self) -> None:
         """A control of protocol A that asks, and was given nothing, asks again (WAT, 4.4.1; invalid packets, 5.2)."""
-        attempt = self.evidence.attempts[-1]
-        asks = self.scenario.protocol.startswith("fanuc-a") and self._busy and not attempt.got
-        if asks and not self.pair.host_side.off:
+        asks = self.scenario.protocol.startswith("fanuc-a") and self._busy
+        if asks and not self.pair.host_side.off and not (attempt := self.evidence.attempts[-1]).got:
             self._arm()
             attempt.armed = True
             self.evidence.jobs[-1].attempts_before -= 1
