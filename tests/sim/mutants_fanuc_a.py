@@ -26,6 +26,15 @@ def _ends_the_job(method: Callable[..., Any]) -> Callable[..., Any]:
     return fault
 
 
+def _proves_nothing(method: Callable[..., Any]) -> Callable[..., Any]:
+    def note_taken(self: Any) -> None:
+        before = self._proven
+        method(self)
+        self._proven = before
+
+    return note_taken
+
+
 def _can_is_remembered(method: Callable[..., Any]) -> Callable[..., Any]:
     def leave_packets(self: Any) -> None:
         before = self._canned
@@ -57,6 +66,18 @@ MUTANTS_OF_A: tuple[Mutant, ...] = (
         protocol=_A,
         presets=("worn-connector", "noisy-idle"),
         spoils=((FanucAHost, "receive_line_fault", _ends_the_job),),
+    ),
+    Mutant(
+        name="A: nothing counts as certain before all is delivered",
+        protocol=_A,
+        presets=("clean",),
+        spoils=((FanucAHost, "_note_taken", _proves_nothing),),
+    ),
+    Mutant(
+        name="expansion A: a program armed among invalid packets does not begin",
+        protocol=_AX,
+        presets=("clean",),
+        spoils=((Streaming, "waits_for_job", _never),),
     ),
     Mutant(
         name="expansion A: To goes on while the host is held",

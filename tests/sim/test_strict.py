@@ -8,12 +8,14 @@ from typing import Any
 import pytest
 
 from tapewire.engine import SECOND, LineFault, Outcome
-from tapewire.line.faults.plan import Wire
+from tapewire.line.faults.plan import FaultPlan, Wire
 from tapewire.line.transport import Fault
 from tapewire.sim.checkers import judge
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job
-from tapewire.sim.scenarios import Act, Direction, Scenario, draw
+from tapewire.sim.frames import last_data
+from tapewire.sim.scenarios import Act, Direction, Finish, Scenario, draw
 from tapewire.sim.switches import Settings
+from tapewire.sim.trial import Trial
 
 PROGRAM = b"%\nN1 X1\nN2 X2\nM30\n%"
 
@@ -56,6 +58,7 @@ def rules(evidence: Evidence, protocol: str = "fanuc-a", host: Words | None = No
 EMPTY = ["complete means taken out of the buffer"]
 UNDISTURBED = ["what nothing disturbs completes"]
 REPEATED = ["what can be asked for again is"]
+CERTAIN = ["what was asked behind is certain"]
 NO_ALARM = ["what nothing disturbs ends in no alarm"]
 
 
@@ -178,3 +181,64 @@ def test_noise_arms_no_host_of_protocol_a() -> None:
     evidence.damages.append(Damage(35 * SECOND, "noise", Wire.FROM_HOST, 0, b"", (b"X",)))
     assert rules(evidence) == ["nothing is sent that was not armed"]
     assert rules(evidence, "fanuc-b") == []
+
+
+LOST = Damage(15 * SECOND, "lost character", Wire.FROM_CONTROL, 5, b"X", ())
+
+
+@pytest.mark.parametrize(
+    ("protocol", "count", "ne", "broken"),
+    [
+        ("fanuc-a", 3, "10", REPEATED),
+        ("fanuc-a", 4, "10", []),
+        ("fanuc-a", 2, "3", []),
+        ("fanuc-a", 1, "3", REPEATED),
+        ("fanuc-a", 1, "0", []),
+        ("fanuc-a-expansion", 1, "10", []),
+    ],
+)
+def test_some_characters_cost_no_job_where_many_repetitions_are_allowed(
+    protocol: str, count: int, ne: str, broken: list[str]
+) -> None:
+    evidence = failed()
+    evidence.damages += [LOST] * count
+    assert rules(evidence, protocol, {"Ne": ne}) == broken
+
+
+def test_two_characters_that_cancel_in_a_message_may_cost_a_job() -> None:
+    evidence = failed()
+    evidence.damages += [LOST] * 2
+    evidence.cnc.sent += b"ECGTD\r"
+    evidence.host.brought += b"ECGUC\r"
+    assert rules(evidence) == []
+
+
+def test_the_last_dat_is_found_in_both_codes_and_by_its_end() -> None:
+    iso = bytes((0x30, 0x30, 0x44, 0x41, 0xD4))
+    assert last_data(b"07SYN\r00DAT12345\r00SET\r", b"\r") == 5
+    assert last_data(b"07SYN\r00DAT12345\r00DAT1", b"\r") == 1
+    assert last_data(b"07SYN\x03" + iso + b"12\r45\x03", b"\x03") == 5
+    assert last_data(b"07SYN\r", b"\r") == 0
+
+
+@pytest.mark.parametrize(("low", "broken"), [(0, CERTAIN), (11, CERTAIN), (12, [])])
+def test_what_the_control_has_asked_behind_is_certain(low: int, broken: list[str]) -> None:
+    """Of 19 bytes the last DAT holds 7."""
+    evidence = transfer(complete=False, low=low)
+    evidence.host.sent[:] = b"07SYN\r00DAT" + PROGRAM[:12] + b"\r00DAT" + PROGRAM[12:] + b"\r"
+    evidence.note_act(Act.ABORT.value, 15 * SECOND)
+    assert rules(evidence) == broken
+    assert rules(evidence, "fanuc-a-expansion") == []
+    evidence.damages.append(LOST)
+    assert rules(evidence) == []
+
+
+@pytest.mark.parametrize("protocol", ["fanuc-a", "fanuc-a-expansion"])
+def test_a_control_that_asks_and_was_given_nothing_gets_what_is_armed_later(protocol: str) -> None:
+    drawn = dataclasses.replace(
+        draw(protocol, "clean", 1), size=300, baud=9600, acts=(), finish=Finish.START_UNARMED, direction=Direction.SEND
+    )
+    evidence = Trial(drawn, FaultPlan(name="clean", why="for the test")).run()
+    assert [job.complete for job in evidence.jobs] == [True, True]
+    assert [bytes(attempt.delivered) for attempt in evidence.attempts] == [drawn.expected] * 2
+    assert judge(drawn, evidence) == []
