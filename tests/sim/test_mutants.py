@@ -9,10 +9,15 @@ import pytest
 from benchmarks.mutants import transfers_needed
 from tests.sim.mutants import MUTANTS, Mutant
 from tests.sim.mutants_fanuc_a import MUTANTS_OF_A
+from tests.sim.mutants_verdicts import MUTANTS_OF_WORDS
 
 SLOW = {
     "B: resume repeats a byte",
     "B: giving up ends the tape",
+    "B: damage behind DC4 is passed over",
+    "B: text behind DC4 is passed over",
+    "B: a code inside a punch-out is passed over",
+    "Bridgeport: bytes_low is always 0",
     "A: RST answered, and the job goes on",
     "expansion A: end packet not repeated",
     "expansion A: DC3 ignored",
@@ -20,7 +25,7 @@ SLOW = {
 }
 """These need dozens."""
 
-ALL = (*MUTANTS, *MUTANTS_OF_A)
+ALL = (*MUTANTS, *MUTANTS_OF_A, *MUTANTS_OF_WORDS)
 
 QUICK = [mutant for mutant in ALL if mutant.name not in SLOW]
 

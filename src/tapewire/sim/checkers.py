@@ -13,13 +13,19 @@ from typing import Final
 
 from tapewire.engine import Nanos, Outcome
 from tapewire.line.faults.plan import Burst, DoubleCharacter, FlipBits, Framing, Lose, Noise, Wire
+from tapewire.line.pacing import character_time
 from tapewire.line.paths import PATHS, TransmitterEmpty
+from tapewire.protocols import PROTOCOLS
+from tapewire.protocols.bridgeport.records import RECORD_BYTES
+from tapewire.protocols.delivery import HEARD_LATE, HEARD_LATE_CHARACTERS
+from tapewire.protocols.settings import End
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job
 from tapewire.sim.frames import last_data
 from tapewire.sim.names import Undetectable
 from tapewire.sim.scenarios import Act, Direction, Scenario
 from tapewire.sim.undetectable import Excuses, first_difference
 from tapewire.sim.unnumbered import never_repeated, packets_n
+from tapewire.sim.verdicts import against, end_unheard, left_alone_at_last, reported_well, unlike_what_came
 
 __all__ = ["FOOTPRINT_BYTES", "NO_ENGINE_BREAKS", "Finding", "judge"]
 
@@ -36,6 +42,9 @@ _OF_ONE_CHARACTER: Final = frozenset(fault.kind for fault in (FlipBits, Burst, L
 
 _FAR_BELOW_NE: Final = 3
 """So many characters that are hit cost six repetitions at the most: 10 are allowed (Ne, 4.5)."""
+
+_PRESSED: Final = frozenset(act.value for act in (Act.RESET, Act.ALARM, Act.FEED_HOLD, Act.SINGLE_BLOCK, Act.ABORT))
+_GIVING_UP: Final = frozenset({Act.ABORT.value, Act.RESET.value})
 
 FOOTPRINT_BYTES: Final = 300 * 1024
 """An engine holds no more beside the program: buffers of 8 KB, ten packets, tables, its last events."""
@@ -98,9 +107,9 @@ def _nothing_disturbs(scenario: Scenario, evidence: Evidence, job: Job) -> bool:
     """
     if evidence.damages or evidence.overruns_beyond:
         return False
-    acts = evidence.acts_during(job)
     if not scenario.protocol.startswith("fanuc-a"):
-        return job is evidence.jobs[0] and not acts
+        return job is evidence.jobs[0] and evidence.left_alone
+    acts = evidence.acts_during(job)
     began = any(attempt.armed for attempt in evidence.attempts[job.attempts_before :])
     return began and _by_persons(evidence) and _OUTWAITED.issuperset(acts)
 
@@ -125,7 +134,9 @@ def _must_be_repeated(scenario: Scenario, evidence: Evidence) -> bool:
     # A NAK for the packet behind a bad one is one more retry (4.5, 5.3 2)).
     at_once = ne == "1" and scenario.settings.cnc.get("naks") == "packet"
     repeats = scenario.protocol.startswith("fanuc-a") and ne != "0" and not at_once
-    if not repeats or not evidence.damages or not evidence.left_alone or evidence.overruns_beyond:
+    if not repeats or not evidence.jobs or not evidence.damages or evidence.overruns_beyond:
+        return False
+    if evidence.acts_during(evidence.jobs[0]):
         return False
     n = packets_n(scenario)
     if not n:
@@ -174,6 +185,9 @@ def _send(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterator[
             yield "what is delivered is a prefix of the program", what, excuses.content(attempt, wrong, got)
     for job in evidence.jobs:
         yield from _job_sent(scenario, evidence, job, excuses)
+        yield from _told_well(scenario, evidence, job, excuses)
+        if job.complete and end_unheard(scenario, job):
+            yield "complete means that its end was heard", f"no stop behind the last DC1: {job.reason}", ""
 
 
 def _job_sent(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuses) -> Iterator[Broken]:
@@ -190,6 +204,8 @@ def _job_sent(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuses
         elif job.delivered_at_end < whole and _waits_for_empty(scenario, evidence, job):
             what = f"{job.delivered_at_end} of {whole} bytes were out of the buffer: {job.reason}"
             yield "complete means taken out of the buffer", what, excuses.told_wrongly(job)
+        if not job.low == job.high == whole:
+            yield "complete counts the whole program", f"{job.low} to {job.high} of {whole} bytes counted", ""
         return
     if job.low > got:
         what = f"{job.low} bytes certain, {got} with the control: {job.reason}"
@@ -197,6 +213,10 @@ def _job_sent(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuses
     least = _least_certain(scenario, evidence, job, attempts)
     if job.low < least:
         yield "what was asked behind is certain", f"{job.low} bytes certain, {least} asked behind: {job.reason}", ""
+    if (late := _long_before(scenario, evidence, job, attempts)) > job.low:
+        yield "what came long before the end is certain", f"{job.low} bytes certain, {late} came long before", ""
+    if job.high > job.handed:
+        yield "no more counts than was handed over", f"{job.high} bytes at most, {job.handed} handed over", ""
     if job.high < most:
         what = f"{job.high} bytes at most, {most} with the control: {job.reason}"
         yield "no more is with the control than can be", what, excuses.more(attempts, most - job.high)
@@ -222,6 +242,29 @@ def _waits_for_empty(scenario: Scenario, evidence: Evidence, job: Job) -> bool:
     return scenario.protocol.startswith("fanuc-a") and not by_rst
 
 
+_LONG_BEFORE: Final[Nanos] = 3 * HEARD_LATE
+_LONG_BEFORE_CHARACTERS: Final = 3 * HEARD_LATE_CHARACTERS
+
+
+def _long_before(scenario: Scenario, evidence: Evidence, job: Job, attempts: list[Attempt]) -> int:
+    """Characters that the control had long before it can have said what ended the job, of which its host heard all.
+
+    0 where something happened to a character or to the host, which may then have to doubt it, in protocol A, and in
+    REMOTE LOAD, where nothing is certain but by what the control says next.
+    """
+    known = scenario.protocol.startswith("fanuc-b") or scenario.is_linked
+    if not known or evidence.damages or evidence.sleeps or len(attempts) != 1:
+        return 0
+    if not all(what in _PRESSED for _, what in evidence.acts):
+        return 0
+    # An ACK proves a record (4.2.1), and one of them may be on its way.
+    if scenario.is_linked:
+        return job.got_at_end - RECORD_BYTES
+    character, path = character_time(scenario.baud), PATHS[scenario.path]
+    recent = max(_LONG_BEFORE // character, _LONG_BEFORE_CHARACTERS)
+    return job.got_at_end - recent - in_flight(scenario) - path.out_of_reach - path.timeout_characters
+
+
 def _receive(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterator[Broken]:
     program = evidence.program
     for number, job in enumerate(evidence.jobs):
@@ -237,6 +280,46 @@ def _receive(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterat
             yield "complete means stored whole", what, excuses.short(_last(attempts), job)
         if job.complete is not None and job.low != len(stored):
             yield "the count is what is stored", f"{job.low} counted, {len(stored)} stored", ""
+        if job.complete is not None and not reported_well(evidence, job):
+            yield "what is reported is what is stored", f"{job.reported} reported, {len(stored)} stored", ""
+        yield from _told_well(scenario, evidence, job, excuses)
+        if job.complete and (attempt := _last(attempts)) is not None:
+            for what in unlike_what_came(scenario, evidence, attempt, job):
+                yield "complete means that it came as one program", what, ""
+    allowed = _punched_behind_a_stop(scenario)
+    if allowed is not None and evidence.cnc.longest_run > allowed:
+        what = f"{evidence.cnc.longest_run} characters behind the stop of the host, {allowed} allowed"
+        yield "a punch-out stops when it is told to", what, ""
+
+
+_LAST_WORDS: Final = 4
+"""What a control that is stopped says to end its punch-out: DC4 and SYN, or a cancel pair and the end of a text."""
+
+
+def _punched_behind_a_stop(scenario: Scenario) -> int | None:
+    """6.1.1 2) (3), 3.2: what a control may still say when its host has stopped it; None where that has no bound."""
+    table = PROTOCOLS[scenario.protocol].params(scenario.settings.cnc, End.CONTROL)
+    match scenario.protocol:
+        case "fanuc-b" | "fanuc-b-expansion":
+            return int(table.punch_overrun) + _LAST_WORDS
+        case "bridgeport":
+            return int(table.after_stop) + _LAST_WORDS
+        case _:
+            return None
+
+
+def _told_well(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuses) -> Iterator[Broken]:
+    """Who reads that a job was cancelled takes it for the doing of a person, and a complete one for in order. In
+    protocol A the control tells its state by one digit (4.4.2), which may come otherwise.
+    """
+    ended = evidence.control_ended(job, Outcome.FAILED, Outcome.CANCELLED)
+    acted = any(what in _GIVING_UP and moment <= job.ended for moment, what in evidence.acts)
+    if job.given_up and not (acted or ended or scenario.protocol.startswith("fanuc-a")):
+        yield "what counts as given up was", f"nobody did: {job.reason}", excuses.told_wrongly(job)
+    if not job.complete and left_alone_at_last(scenario, evidence, job):
+        yield "what nothing disturbs completes", f"a later job is not complete: {job.reason}", ""
+    for what in against(scenario, evidence, job) if job.complete else ():
+        yield "complete means that nothing was said against it", what, ""
 
 
 def _attempts_of(evidence: Evidence, job: Job) -> list[Attempt]:

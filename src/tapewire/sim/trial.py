@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from io import BytesIO
 from typing import Any, Final
 
-from tapewire.engine import SECOND, AfterStop, Ended, Event, Nanos, Outcome
+from tapewire.engine import SECOND, AfterStop, Ended, Event, Nanos, Received
 from tapewire.errors import UsageError
 from tapewire.line.faults.damage import Parity
 from tapewire.line.faults.plan import CutPower, EndFault, Extent, FaultPlan, LineEnd, RestartProcess, StepClock, Wire
@@ -18,7 +18,7 @@ from tapewire.line.paths import PATHS
 from tapewire.line.reception import Cut
 from tapewire.line.transport import Fault
 from tapewire.sim.beliefs import disagreement
-from tapewire.sim.evidence import Attempt, Evidence, Job, Wait
+from tapewire.sim.evidence import Attempt, Evidence, Job, Wait, both
 from tapewire.sim.execution import BlockTime, Speeds
 from tapewire.sim.frames import last_codes
 from tapewire.sim.machine import Control
@@ -154,8 +154,18 @@ class Trial:
             if self._sends:
                 self.evidence.host.stops, self.evidence.host.goes = codes.stops, codes.goes
                 self.evidence.host.opens = codes.opens
-        self.evidence.host.listen(pair.host_link)
+            else:
+                self.evidence.cnc.stops, self.evidence.cnc.goes = codes.stops, codes.goes
+                self.evidence.cnc.announces = codes.announces
+            self.evidence.hearing = codes.hearing(self.scenario.direction)
+        self._listen_to_host(pair)
         self.evidence.cnc.listen(pair.cnc_link)
+
+    def _listen_to_host(self, pair: Pair) -> None:
+        link = pair.host_link
+        self.evidence.host.listen(link)
+        if link.on_item is not None:
+            link.on_item = both(self.evidence.hearing.hear, link.on_item)
 
     def _step(self, now: Nanos) -> None:
         if self._sends and self._busy:
@@ -174,14 +184,15 @@ class Trial:
         if isinstance(event, Ended) and self._job is not None:
             job = self._job
             self._step(now)
-            job.complete = event.outcome is Outcome.COMPLETE
-            job.low, job.high, job.reason, job.ended = event.bytes_low, event.bytes_high, event.reason, now
+            self.evidence.note_end(job, event, now)
             if job.complete:
                 self.evidence.disagreement = disagreement(self.pair.host, self.pair.cnc)
             attempts = self.evidence.attempts[job.attempts_before :]
             if attempts:
                 job.got_at_end = max(attempt.got for attempt in attempts)
                 job.delivered_at_end = len(attempts[-1].delivered)
+        elif isinstance(event, Received) and self._job is not None:
+            self._job.reported += event.count
 
     def _cnc_event(self, event: Event, now: Nanos) -> None:
         if isinstance(event, Ended):
@@ -234,7 +245,7 @@ class Trial:
             source = _Hesitant(self.evidence.program, self.scenario.source_pauses, self._draws)
             self.pair.host.start(source, self.world.now)
         else:
-            self.pair.host.receive(_Store(job.stored), self.world.now)
+            self.pair.host.receive(job, self.world.now)
         self.evidence.jobs.append(job)
 
     def _press_start(self) -> None:
@@ -473,7 +484,7 @@ class Trial:
         self.evidence.last_disturbance = max(self.evidence.last_disturbance, self.world.now)
         self.evidence.cut_short.append(len(self.evidence.host.sent))
         self.pair.restart_host(self.world.now)
-        self.evidence.host.listen(self.pair.host_link)
+        self._listen_to_host(self.pair)
 
     def _control_returns(self) -> None:
         self.evidence.last_disturbance = max(self.evidence.last_disturbance, self.world.now)
@@ -484,14 +495,5 @@ class Trial:
         """In one transfer of sixteen: it costs more than most transfers."""
         if self.scenario.seed % 16:
             return 0
-        return max(0, max(footprint(self.pair.host), footprint(self.pair.cnc)) - len(self.evidence.program))
-
-
-class _Store:
-    """Where the host puts what it receives."""
-
-    def __init__(self, stored: bytearray) -> None:
-        self._stored = stored
-
-    def write(self, data: bytes) -> None:
-        self._stored += data
+        held = max(footprint(self.pair.host), footprint(self.pair.cnc))
+        return max(0, held - len(self.evidence.program))

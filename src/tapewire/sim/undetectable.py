@@ -89,9 +89,7 @@ class Excuses:
         self._frame = 4 if self._is_b else 20
         """Characters a place may be off by the codes between program and wire: DC2, DC3; DC2 again and a name."""
         self._is_bridgeport = scenario.protocol == "bridgeport"
-        cnc = scenario.settings.cnc
-        named = cnc.get("program") != "-1"
-        self._linked = self._is_bridgeport and cnc.get("mode", "D") == "D" and named
+        self._linked = scenario.is_linked
         self._loads = self._is_bridgeport and not self._linked and self._sends
         self._codes = scenario.codes
 
