@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks.mutants import transfers_needed
 from tests.sim.mutants import MUTANTS, Mutant
+from tests.sim.mutants_fanuc_a import MUTANTS_OF_A
 from tests.sim.mutants_verdicts import MUTANTS_OF_WORDS
 
 SLOW = {
@@ -24,7 +25,7 @@ SLOW = {
 }
 """These need dozens."""
 
-ALL = (*MUTANTS, *MUTANTS_OF_WORDS)
+ALL = (*MUTANTS, *MUTANTS_OF_A, *MUTANTS_OF_WORDS)
 
 QUICK = [mutant for mutant in ALL if mutant.name not in SLOW]
 

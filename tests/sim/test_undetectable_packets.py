@@ -20,9 +20,11 @@ def test_whole_packets_are_excused_where_so_many_characters_were_lost() -> None:
     assert excuses.content(attempt, 0, bytes(attempt.delivered)) == "", "a thousand characters are no packet of 1028"
 
 
-@pytest.mark.parametrize(("lost", "excused"), [(9 * 1028, False), (9 * 1028 + 1, True)])
-def test_ten_packets_are_skipped_where_nine_are_gone_whole_and_one_in_part(lost: int, excused: bool) -> None:
-    """The tenth is asked for by its number, and that is the number of the packet behind them by then."""
+@pytest.mark.parametrize(("lost", "excused"), [(8 * 1028, False), (8 * 1028 + 1, True)])
+def test_ten_packets_are_skipped_where_eight_are_gone_whole_and_two_in_part(lost: int, excused: bool) -> None:
+    """The first is asked for by its number, and that is the number of the packet behind them by then; the rest of the
+    last is no packet.
+    """
     evidence, excuses = case("fanuc-a-expansion", sent=bytes(lost), arrived=())
     evidence.program = evidence.expected = b"".join(b"N%d X%d\n" % (line, line) for line in range(4000)) + b"%"
     attempt = evidence.attempts[0]
@@ -98,4 +100,24 @@ def test_a_dc1_is_said_once(monitor: Monitor, never: bool, at: int) -> None:
     said = encode_monitor(monitor)
     evidence.cnc.sent += b"ECGTD\r" + said + b"ECGTD\r"
     hit = Damage(0, "bit flip", Wire.FROM_CONTROL, 7 + at, said[at : at + 1], (b"?",))
+    assert never_repeated(evidence, 1, hit) is never
+
+
+@pytest.mark.parametrize(
+    ("said", "at", "got", "never"),
+    [
+        (b"ECGTD\r", 0, 0, True),
+        (b"ECGTD\r", 4, 0, True),
+        (b"ECGTD\r", 4, 1, False),
+        (b"79RST\r", 4, 0, False),
+        (b"79RST\rECGTD\r", 4, 0, False),
+        (b"79RST\rECGTD\r", 6, 0, True),
+        (bytes((0xC5, 0xC3, 0x47, 0xD4, 0x44, 0x8D)), 3, 0, True),
+    ],
+)
+def test_the_request_that_begins_the_packets_is_never_repeated(said: bytes, at: int, got: int, never: bool) -> None:
+    evidence, _ = case("fanuc-a-expansion")
+    evidence.cnc.sent[:] = said
+    evidence.attempts[0].got = got
+    hit = Damage(0, "bit flip", Wire.FROM_CONTROL, at + 1, said[at : at + 1], (b"?",))
     assert never_repeated(evidence, 1, hit) is never

@@ -270,7 +270,7 @@ def test_what_happened_to_one_job_costs_no_later_one() -> None:
     evidence.sleeps.append((12 * SECOND, 13 * SECOND))
     for protocol in ("fanuc-b", "fanuc-b-expansion", "bridgeport"):
         assert rules(evidence, Direction.SEND, protocol) == rule
-    assert rules(evidence, Direction.SEND, "fanuc-a") == []
+    assert rule[0] in rules(evidence, Direction.SEND, "fanuc-a")
 
 
 def test_a_later_job_that_something_touched_may_fail() -> None:

@@ -12,14 +12,15 @@ from dataclasses import dataclass
 from typing import Final
 
 from tapewire.engine import Nanos, Outcome
-from tapewire.line.faults.plan import Wire
+from tapewire.line.faults.plan import Burst, DoubleCharacter, FlipBits, Framing, Lose, Noise, Wire
 from tapewire.line.pacing import character_time
 from tapewire.line.paths import PATHS, TransmitterEmpty
 from tapewire.protocols import PROTOCOLS
 from tapewire.protocols.bridgeport.records import RECORD_BYTES
 from tapewire.protocols.delivery import HEARD_LATE, HEARD_LATE_CHARACTERS
 from tapewire.protocols.settings import End
-from tapewire.sim.evidence import Attempt, Evidence, Job
+from tapewire.sim.evidence import Attempt, Damage, Evidence, Job
+from tapewire.sim.frames import last_data
 from tapewire.sim.names import Undetectable
 from tapewire.sim.scenarios import Act, Direction, Scenario
 from tapewire.sim.undetectable import Excuses, first_difference
@@ -31,6 +32,16 @@ __all__ = ["FOOTPRINT_BYTES", "NO_ENGINE_BREAKS", "Finding", "judge"]
 NO_ENGINE_BREAKS: Final = "no engine breaks"
 
 _END_CODES: Final = frozenset(b"\x0d\x8d\x03")
+
+_OUTWAITED: Final = frozenset({Act.FEED_HOLD.value, Act.SINGLE_BLOCK.value, Act.STALL.value})
+"""A hold of protocol A lasts as long as it lasts (4.3 (5), 5.3 3)), and no computer stalls for as long as To (4.5)."""
+
+_PERSONS: Final = frozenset(act.value for act in Act)
+
+_OF_ONE_CHARACTER: Final = frozenset(fault.kind for fault in (FlipBits, Burst, Lose, DoubleCharacter, Framing, Noise))
+
+_FAR_BELOW_NE: Final = 3
+"""So many characters that are hit cost six repetitions at the most: 10 are allowed (Ne, 4.5)."""
 
 _PRESSED: Final = frozenset(act.value for act in (Act.RESET, Act.ALARM, Act.FEED_HOLD, Act.SINGLE_BLOCK, Act.ABORT))
 _GIVING_UP: Final = frozenset({Act.ABORT.value, Act.RESET.value})
@@ -70,11 +81,14 @@ def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterato
         yield "memory is bounded", f"{evidence.footprint:,} bytes", ""
     if evidence.host.after_stop:
         yield "nothing is handed over after a stop", f"{evidence.host.after_stop} characters", ""
-    if evidence.left_alone and not evidence.damages and not evidence.overruns_beyond and not evidence.jobs[0].complete:
-        yield "what nothing disturbs completes", f"not complete: {evidence.jobs[0].reason}", ""
+    for job in evidence.jobs:
+        if not job.complete and _nothing_disturbs(scenario, evidence, job):
+            yield "what nothing disturbs completes", f"not complete: {job.reason}", ""
+    if _alarm_of_nothing(scenario, evidence):
+        yield "what nothing disturbs ends in no alarm", "the control's reading ended in one", ""
     if _must_be_repeated(scenario, evidence) and not evidence.jobs[0].complete:
         what = f"not complete after {evidence.damages[0].name}: {evidence.jobs[0].reason}"
-        yield "what can be asked for again is", what, ""
+        yield "what can be asked for again is", what, excuses.hit_twice(evidence.jobs[0])
     for wait in evidence.waits:
         for who in wait.who:
             yield "nobody waits for ever", f"the {who} waits, and nothing more is to come", excuses.waiting(who, wait)
@@ -87,20 +101,63 @@ def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterato
             yield "no more comes after a stop than is allowed", what, excuse
 
 
+def _nothing_disturbs(scenario: Scenario, evidence: Evidence, job: Job) -> bool:
+    """Nobody did anything to `job`, or nothing but what protocol A outwaits. There a second one completes too, whatever
+    persons did to the first.
+    """
+    if evidence.damages or evidence.overruns_beyond:
+        return False
+    if not scenario.protocol.startswith("fanuc-a"):
+        return job is evidence.jobs[0] and evidence.left_alone
+    acts = evidence.acts_during(job)
+    began = any(attempt.armed for attempt in evidence.attempts[job.attempts_before :])
+    return began and _by_persons(evidence) and _OUTWAITED.issuperset(acts)
+
+
+def _by_persons(evidence: Evidence) -> bool:
+    """Both ends had power all the time, and no computer stalled for as long as two stalls may last together."""
+    acts = [what for _, what in evidence.acts]
+    return acts.count(Act.STALL.value) <= 1 and _PERSONS.issuperset(acts)
+
+
+def _alarm_of_nothing(scenario: Scenario, evidence: Evidence) -> bool:
+    """A control of protocol A ended a reading in an alarm that is nobody's doing: nothing happened on the line."""
+    if evidence.damages or evidence.overruns_beyond or evidence.happened(Act.ALARM.value):
+        return False
+    failed = any(outcome is Outcome.FAILED for _, outcome in evidence.control_ends)
+    return failed and _by_persons(evidence) and scenario.protocol.startswith("fanuc-a")
+
+
 def _must_be_repeated(scenario: Scenario, evidence: Evidence) -> bool:
-    """One character turned in all, and nothing else, in a protocol whose ends ask again for what came damaged."""
+    """Single characters were hit, and nothing else, in a protocol whose ends ask again for what came damaged."""
     ne = scenario.settings.host.get("Ne", "10")
     # A NAK for the packet behind a bad one is one more retry (4.5, 5.3 2)).
     at_once = ne == "1" and scenario.settings.cnc.get("naks") == "packet"
     repeats = scenario.protocol.startswith("fanuc-a") and ne != "0" and not at_once
-    damages = evidence.damages
-    one = len(damages) == 1 and damages[0].unseen and len(damages[0].plain) == len(damages[0].sent) == 1
-    if one and set(damages[0].sent + damages[0].plain) & _END_CODES:
-        # There is no length and no other mark: a message without its end is over when To is (4.1, 4.6 1)).
+    if not repeats or not evidence.jobs or not evidence.damages or evidence.overruns_beyond:
         return False
-    if one and never_repeated(evidence, packets_n(scenario), damages[0]):
+    if evidence.acts_during(evidence.jobs[0]):
         return False
-    return repeats and one and evidence.left_alone and not evidence.overruns_beyond
+    n = packets_n(scenario)
+    if not n:
+        most = _FAR_BELOW_NE if ne == "10" else 1
+        return len(evidence.damages) <= most and all(map(_costs_a_repetition, evidence.damages))
+    damage = evidence.damages[0]
+    turned = damage.unseen and len(damage.plain) == len(damage.sent) == 1
+    by_end = set(damage.sent + damage.plain) & _END_CODES
+    return len(evidence.damages) == 1 and turned and not by_end and not never_repeated(evidence, n, damage)
+
+
+def _costs_a_repetition(damage: Damage) -> bool:
+    """Of a message of protocol A, and nothing more (4.6 2)). A sum does not show a NUL more or less."""
+    if damage.kind not in _OF_ONE_CHARACTER or len(damage.sent) > 1 or not any(damage.sent + damage.plain):
+        return False
+    if damage.wire is Wire.FROM_CONTROL:
+        # The host hears that a message does not go on, and asks for it before To is over.
+        return True
+    # A marked one is an open line (4.6 1)). There is no length and no other mark: a message without its end is over
+    # when To is (4.1, 4.6 1)).
+    return damage.unseen and not set(damage.sent + damage.plain) & _END_CODES
 
 
 def _overrun_excuse(scenario: Scenario, allowed: int, moment: Nanos, excuses: Excuses) -> str:
@@ -144,12 +201,18 @@ def _job_sent(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuses
         if most != whole or got + in_flight(scenario) < whole:
             what = f"{got}, at last {most}, of {whole} bytes were with the control: {job.reason}"
             yield "complete means delivered whole", what, excuses.short(_last(attempts), job)
+        elif job.delivered_at_end < whole and _waits_for_empty(scenario, evidence, job):
+            what = f"{job.delivered_at_end} of {whole} bytes were out of the buffer: {job.reason}"
+            yield "complete means taken out of the buffer", what, excuses.told_wrongly(job)
         if not job.low == job.high == whole:
             yield "complete counts the whole program", f"{job.low} to {job.high} of {whole} bytes counted", ""
         return
     if job.low > got:
         what = f"{job.low} bytes certain, {got} with the control: {job.reason}"
         yield "what is certain is with the control", what, excuses.less(attempts, job, job.low - got)
+    least = _least_certain(scenario, evidence, job, attempts)
+    if job.low < least:
+        yield "what was asked behind is certain", f"{job.low} bytes certain, {least} asked behind: {job.reason}", ""
     if (late := _long_before(scenario, evidence, job, attempts)) > job.low:
         yield "what came long before the end is certain", f"{job.low} bytes certain, {late} came long before", ""
     if job.high > job.handed:
@@ -157,6 +220,26 @@ def _job_sent(scenario: Scenario, evidence: Evidence, job: Job, excuses: Excuses
     if job.high < most:
         what = f"{job.high} bytes at most, {most} with the control: {job.reason}"
         yield "no more is with the control than can be", what, excuses.more(attempts, most - job.high)
+
+
+def _least_certain(scenario: Scenario, evidence: Evidence, job: Job, attempts: list[Attempt]) -> int:
+    """What the control had before the last DAT, for which it has said GTD (4.4.1). 0 where anything may have kept the
+    host from hearing that, and for packets, of which nothing says that they are there.
+    """
+    if scenario.protocol != "fanuc-a" or evidence.damages or len(attempts) != 1 or not _by_persons(evidence):
+        return 0
+    # The first message of all is SYN, of six characters.
+    sent = bytes(evidence.host.sent)
+    return job.got_at_end - last_data(sent[job.place :], sent[5:6]) if sent else 0
+
+
+def _waits_for_empty(scenario: Scenario, evidence: Evidence, job: Job) -> bool:
+    """SAT tells a host of protocol A what is in the buffer (4.4.2 1)). One that was told to takes the RST of a person
+    for that of M30.
+    """
+    pressed = Act.RESET.value in evidence.acts_during(job)
+    by_rst = pressed and scenario.settings.host.get("rst_at_end") == "complete"
+    return scenario.protocol.startswith("fanuc-a") and not by_rst
 
 
 _LONG_BEFORE: Final[Nanos] = 3 * HEARD_LATE

@@ -192,6 +192,10 @@ class Job:
     reported: int = 0
     """and how much of it was reported as it came."""
 
+    def write(self, data: bytes) -> None:
+        """A reception stores it."""
+        self.stored += data
+
     def covers(self, moment: Nanos) -> bool:
         return self.began <= moment and (not self.ended or moment <= self.ended)
 
@@ -232,6 +236,8 @@ class Evidence:
     damages: list[Damage] = field(default_factory=list)
     acts: list[tuple[Nanos, str]] = field(default_factory=list)
     """What persons did, and what happened to the ends."""
+    tidied: list[tuple[Nanos, str]] = field(default_factory=list)
+    """Those of them by which the operator ended what did not end by itself."""
     sleeps: list[tuple[Nanos, Nanos]] = field(default_factory=list)
     """From when to when the host's computer did nothing."""
     attempts: list[Attempt] = field(default_factory=list)
@@ -278,6 +284,11 @@ class Evidence:
         self.acts.append((now, what))
         self.last_disturbance = max(self.last_disturbance, now)
 
+    def note_tidying(self, what: str, now: Nanos) -> None:
+        """The operator ends what does not end by itself."""
+        self.note_act(what, now)
+        self.tidied.append((now, what))
+
     def control_ended(self, job: Job, *outcomes: Outcome) -> bool:
         """In the time of `job`."""
         return any(outcome in outcomes and job.covers(moment) for moment, outcome in self.control_ends)
@@ -302,6 +313,10 @@ class Evidence:
         """Nobody and nothing interfered with the first job but what happened to characters."""
         job = self.jobs[0] if self.jobs else None
         return job is not None and not any(moment <= job.ended or job.complete is None for moment, _ in self.acts)
+
+    def acts_during(self, job: Job) -> list[str]:
+        """What persons did in the time of `job`, and what happened to the ends; not what was done to end it."""
+        return [act[1] for act in self.acts if job.covers(act[0]) and act not in self.tidied]
 
     @property
     def host_lives(self) -> list[bytes]:

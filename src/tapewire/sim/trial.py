@@ -245,7 +245,7 @@ class Trial:
             source = _Hesitant(self.evidence.program, self.scenario.source_pauses, self._draws)
             self.pair.host.start(source, self.world.now)
         else:
-            self.pair.host.receive(_Store(job.stored), self.world.now)
+            self.pair.host.receive(job, self.world.now)
         self.evidence.jobs.append(job)
 
     def _press_start(self) -> None:
@@ -330,7 +330,7 @@ class Trial:
         evidence.stuck += ["host"] * (self._job is not None) + ["control"] * self._busy
 
     def _abort(self) -> None:
-        self.evidence.note_act(Act.ABORT.value, self.world.now)
+        self.evidence.note_tidying(Act.ABORT.value, self.world.now)
         if not self.pair.host_side.off:
             self.pair.host.abort(self.world.now)
         self.world.advance(lambda: self._job is None, self.world.now + AFTER_RESET)
@@ -343,7 +343,7 @@ class Trial:
     def _reset(self) -> None:
         if self.pair.cnc_side.off:
             return
-        self.evidence.note_act(Act.RESET.value, self.world.now)
+        self.evidence.note_tidying(Act.RESET.value, self.world.now)
         self.pair.control.reset(self.world.now)
 
     def _finish(self) -> None:
@@ -354,6 +354,7 @@ class Trial:
                 self._reset_and_wait()
                 self._press_start()
                 self.world.run_for(UNARMED)
+                self._arm_late()
                 self._reset()
             case Finish.START_AGAIN if self._job is None:
                 self._reset_and_wait()
@@ -363,6 +364,15 @@ class Trial:
             case _:
                 return
         self.world.run_for(QUIET)
+
+    def _arm_late(self) -> None:
+        """A control of protocol A that asks, and was given nothing, asks again (WAT, 4.4.1; invalid packets, 5.2)."""
+        asks = self.scenario.protocol.startswith("fanuc-a") and self._busy
+        if asks and not self.pair.host_side.off and not (attempt := self.evidence.attempts[-1]).got:
+            self._arm()
+            attempt.armed = True
+            self.evidence.jobs[-1].attempts_before -= 1
+            self._run_to_the_end()
 
     def _reset_and_wait(self) -> None:
         """Both ends have power, the control is reset, and the operator looks on for a while."""
@@ -487,13 +497,3 @@ class Trial:
             return 0
         held = max(footprint(self.pair.host), footprint(self.pair.cnc))
         return max(0, held - len(self.evidence.program))
-
-
-class _Store:
-    """Where the host puts what it receives."""
-
-    def __init__(self, stored: bytearray) -> None:
-        self._stored = stored
-
-    def write(self, data: bytes) -> None:
-        self._stored += data
