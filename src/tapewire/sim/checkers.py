@@ -230,7 +230,8 @@ def _least_certain(scenario: Scenario, evidence: Evidence, job: Job, attempts: l
         return 0
     # The first message of all is SYN, of six characters.
     sent = bytes(evidence.host.sent)
-    return job.got_at_end - last_data(sent[job.place :], sent[5:6]) if sent else 0
+    until = min((other.place for other in evidence.jobs if other.began >= job.ended), default=None)
+    return job.got_at_end - last_data(sent[job.place : until], sent[5:6]) if sent else 0
 
 
 def _waits_for_empty(scenario: Scenario, evidence: Evidence, job: Job) -> bool:
