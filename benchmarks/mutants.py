@@ -1,4 +1,4 @@
-"""How many transfers the campaign needs to notice each of the deliberate bugs of tests/sim/mutants*.py.
+"""How many transfers the campaign needs to notice each of the deliberate bugs of tests/sim/mutants.py.
 
     python -m benchmarks.mutants [--most N] [WORD ...]
 
@@ -15,8 +15,6 @@ from benchmarks.report import table, write_section
 from tapewire.sim.campaign import Case, run_case
 from tapewire.sim.checkers import NO_ENGINE_BREAKS
 from tests.sim.mutants import MUTANTS, Mutant
-from tests.sim.mutants_fanuc_a import MUTANTS_OF_A
-from tests.sim.mutants_verdicts import MUTANTS_OF_WORDS
 
 PAGE = Path(__file__).parent.parent / "docs" / "reliability.md"
 
@@ -52,7 +50,7 @@ def main(arguments: Sequence[str]) -> int:
         most = int(words[at + 1])
         del words[at : at + 2]
     rows, missed = [], 0
-    for mutant in (*MUTANTS, *MUTANTS_OF_A, *MUTANTS_OF_WORDS):
+    for mutant in MUTANTS:
         if words and not any(word in mutant.name for word in words):
             continue
         count, rule = transfers_needed(mutant, most)

@@ -101,23 +101,3 @@ def test_a_dc1_is_said_once(monitor: Monitor, never: bool, at: int) -> None:
     evidence.cnc.sent += b"ECGTD\r" + said + b"ECGTD\r"
     hit = Damage(0, "bit flip", Wire.FROM_CONTROL, 7 + at, said[at : at + 1], (b"?",))
     assert never_repeated(evidence, 1, hit) is never
-
-
-@pytest.mark.parametrize(
-    ("said", "at", "got", "never"),
-    [
-        (b"ECGTD\r", 0, 0, True),
-        (b"ECGTD\r", 4, 0, True),
-        (b"ECGTD\r", 4, 1, False),
-        (b"79RST\r", 4, 0, False),
-        (b"79RST\rECGTD\r", 4, 0, False),
-        (b"79RST\rECGTD\r", 6, 0, True),
-        (bytes((0xC5, 0xC3, 0x47, 0xD4, 0x44, 0x8D)), 3, 0, True),
-    ],
-)
-def test_the_request_that_begins_the_packets_is_never_repeated(said: bytes, at: int, got: int, never: bool) -> None:
-    evidence, _ = case("fanuc-a-expansion")
-    evidence.cnc.sent[:] = said
-    evidence.attempts[0].got = got
-    hit = Damage(0, "bit flip", Wire.FROM_CONTROL, at + 1, said[at : at + 1], (b"?",))
-    assert never_repeated(evidence, 1, hit) is never

@@ -10,16 +10,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
-from tapewire.engine import Ended, Nanos, Outcome
+from tapewire.engine import Nanos, Outcome
 from tapewire.line.faults.log import Injected
 from tapewire.line.faults.plan import EndFault, Wire
 from tapewire.line.link import Link
 from tapewire.line.transport import Fault, LineItem
 from tapewire.sim.frames import LAST_CODES, last_codes
-from tapewire.sim.hearing import Hearing
 from tapewire.sim.names import Undetectable
 
-__all__ = ["Attempt", "Damage", "Evidence", "Job", "Tap", "Wait", "both"]
+__all__ = ["Attempt", "Damage", "Evidence", "Job", "Tap", "Wait"]
 
 MOST_DAMAGES: Final = 500_000
 """A wrong baud rate damages nearly every character, and 64 KB go there and back a few times. More excuse nothing."""
@@ -83,13 +82,8 @@ class Tap:
     """What counts as a code where codes are listened for."""
     last_codes: bytes = b""
     """The last ones that were brought unmarked."""
-    announces: frozenset[int] = frozenset()
-    """With these this end begins anew, whatever stopped it before."""
     after_stop: int = 0
-    """Characters handed over between one and the other,"""
-    longest_run: int = 0
-    """and the most of them behind one stop."""
-    _run: int = 0
+    """Characters handed over between one and the other."""
     _stopped: bool = False
     _opened: bool = False
 
@@ -97,7 +91,7 @@ class Tap:
         link.on_write = self._write if self.stops else self.sent.extend
         link.on_recall = self.never_left
         before = link.on_item
-        link.on_item = self._hear if before is None else both(self._hear, before)
+        link.on_item = self._hear if before is None else _both(self._hear, before)
 
     def never_left(self, count: int) -> None:
         """The last `count` characters handed over were called back, or lost with the power."""
@@ -106,12 +100,8 @@ class Tap:
 
     def _write(self, data: bytes) -> None:
         self.sent += data
-        if self._stopped and not self.announces.isdisjoint(data):
-            self._stopped = False
         if self._stopped:
             self.after_stop += len(data)
-            self._run += len(data)
-            self.longest_run = max(self.longest_run, self._run)
 
     def _hear(self, item: LineItem, now: Nanos) -> None:
         if isinstance(item, bytes):
@@ -120,7 +110,6 @@ class Tap:
                 self.last_codes = (self.last_codes + found)[-LAST_CODES:]
             for byte in item if self.stops else b"":
                 if byte in self.stops:
-                    self._run = self._run if self._stopped else 0
                     self._stopped = self._stopped or not self._opened
                 else:
                     self._stopped = self._stopped and byte not in self.goes
@@ -129,7 +118,7 @@ class Tap:
             self.brought.append(item.byte)
 
 
-def both(
+def _both(
     first: Callable[[LineItem, Nanos], None], second: Callable[[LineItem, Nanos], None]
 ) -> Callable[[LineItem, Nanos], None]:
     def hear(item: LineItem, now: Nanos) -> None:
@@ -170,8 +159,6 @@ class Job:
     """Characters the host had sent before."""
     complete: bool | None = None
     """None: it has not ended, or its process was killed."""
-    given_up: bool = False
-    """It counts as ended by a person."""
     killed: bool = False
     reason: str = ""
     low: int = 0
@@ -179,22 +166,8 @@ class Job:
     got_at_end: int = 0
     delivered_at_end: int = 0
     ended: Nanos = 0
-    begun: Nanos = -1
-    """When the host had heard last, before that, that the transfer begins or goes on,"""
-    stop: Nanos = -1
-    """and that it stops."""
-    brought: int = 0
-    """Characters that had been brought to the host."""
-    handed: int = 0
-    """Characters the host had handed over when it ended, and not called back, since it was armed."""
     stored: bytearray = field(default_factory=bytearray)
-    """What a reception has stored,"""
-    reported: int = 0
-    """and how much of it was reported as it came."""
-
-    def write(self, data: bytes) -> None:
-        """A reception stores it."""
-        self.stored += data
+    """What a reception has stored."""
 
     def covers(self, moment: Nanos) -> bool:
         return self.began <= moment and (not self.ended or moment <= self.ended)
@@ -231,13 +204,9 @@ class Evidence:
     """The same as it comes out at the other end: the control may have been told to convert it."""
     host: Tap = field(default_factory=Tap)
     cnc: Tap = field(default_factory=Tap)
-    hearing: Hearing = field(default_factory=Hearing)
-    """What the host heard of how its transfer stands."""
     damages: list[Damage] = field(default_factory=list)
     acts: list[tuple[Nanos, str]] = field(default_factory=list)
     """What persons did, and what happened to the ends."""
-    tidied: list[tuple[Nanos, str]] = field(default_factory=list)
-    """Those of them by which the operator ended what did not end by itself."""
     sleeps: list[tuple[Nanos, Nanos]] = field(default_factory=list)
     """From when to when the host's computer did nothing."""
     attempts: list[Attempt] = field(default_factory=list)
@@ -271,23 +240,9 @@ class Evidence:
             what = entry.sent, entry.arrived, entry.late
             self.damages.append(Damage(entry.moment, entry.kind, entry.wire, entry.place, *what, len(self.host.sent)))
 
-    def note_end(self, job: Job, event: Ended, now: Nanos) -> None:
-        """What the host said of the job, and what had been seen of it until then."""
-        job.complete = event.outcome is Outcome.COMPLETE
-        job.given_up = event.outcome is Outcome.CANCELLED
-        job.low, job.high, job.reason, job.ended = event.bytes_low, event.bytes_high, event.reason, now
-        job.begun, job.stop = self.hearing.begun, self.hearing.stop
-        job.handed = len(self.host.sent) - job.place
-        job.brought = len(self.host.brought)
-
     def note_act(self, what: str, now: Nanos) -> None:
         self.acts.append((now, what))
         self.last_disturbance = max(self.last_disturbance, now)
-
-    def note_tidying(self, what: str, now: Nanos) -> None:
-        """The operator ends what does not end by itself."""
-        self.note_act(what, now)
-        self.tidied.append((now, what))
 
     def control_ended(self, job: Job, *outcomes: Outcome) -> bool:
         """In the time of `job`."""
@@ -313,10 +268,6 @@ class Evidence:
         """Nobody and nothing interfered with the first job but what happened to characters."""
         job = self.jobs[0] if self.jobs else None
         return job is not None and not any(moment <= job.ended or job.complete is None for moment, _ in self.acts)
-
-    def acts_during(self, job: Job) -> list[str]:
-        """What persons did in the time of `job`, and what happened to the ends; not what was done to end it."""
-        return [act[1] for act in self.acts if job.covers(act[0]) and act not in self.tidied]
 
     @property
     def host_lives(self) -> list[bytes]:

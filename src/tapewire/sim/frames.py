@@ -9,8 +9,6 @@ from collections.abc import Iterator, Sequence
 from itertools import accumulate
 from typing import Final
 
-from tapewire.codes import with_even_parity
-
 __all__ = [
     "LAST_CODES",
     "cancelled_sums",
@@ -20,14 +18,12 @@ __all__ = [
     "forged_records",
     "is_monitor",
     "last_codes",
-    "last_data",
     "rest_fits",
     "right_packet",
     "text_of",
 ]
 
 _HEX: Final = {bytes((digit,)): value for value, digit in enumerate(b"0123456789ABCDEF")}
-_DAT: Final = (b"DAT", bytes(map(with_even_parity, b"DAT")))
 _LRC_XOR_BITS: Final = 0x7F
 
 MOST_BEFORE: Final = 4
@@ -50,12 +46,6 @@ def _messages(brought: bytes, sent: Sequence[bytes]) -> bool:
             if text not in known and len(text) >= 5 and _digits(text[:2]) == sum(text[2:] + end) & 0xFF:
                 return True
     return False
-
-
-def last_data(sent: bytes, end: bytes) -> int:
-    """Bytes of program in the last DAT of protocol A, whole or not (4.1, 4.4.2). No data hold `end`."""
-    lengths = [len(text) - 5 for text in sent.split(end) if text[2:5] in _DAT]
-    return lengths[-1] if lengths else 0
 
 
 def _packets(brought: bytes, sent: bytes, length: int) -> bool:

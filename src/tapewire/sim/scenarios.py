@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from enum import Enum, StrEnum
 from typing import Final
 
-from tapewire.codes import with_even_parity
 from tapewire.engine import MILLISECOND, SECOND, Nanos
 from tapewire.line.pacing import character_time, default_window
 from tapewire.line.paths import PATHS, TransmitterEmpty
 from tapewire.protocols import PROTOCOLS
 from tapewire.protocols.settings import End
-from tapewire.sim.hearing import Hearing
 from tapewire.sim.programs import LEAST_BYTES, MOST_BYTES, program, program_with_cr_lf
 from tapewire.sim.streams import Draws
 from tapewire.sim.switches import Settings, draw_settings
@@ -87,12 +85,6 @@ class Codes:
     """and these let him go on, or end or begin a transfer."""
     opens: frozenset[int] = frozenset()
     """With these a Bridgeport control announces a name or a program: XOFF is for a text of the host (3.1),"""
-    announces: frozenset[int] = frozenset(b"\x12")
-    """with these any of them a program that it sends,"""
-    refuses: frozenset[int] = frozenset(b"\x15\x16\x95\x96")
-    """with these it says that it was reset, has an alarm, or cancels,"""
-    begins: frozenset[int] = frozenset(b"\x11")
-    """which is of the transfer that one of these began;"""
     requests: frozenset[int] = frozenset()
     """and with these it asks for one;"""
     answers: frozenset[int] = frozenset()
@@ -102,23 +94,10 @@ class Codes:
     record_ends: frozenset[int] = frozenset()
     """and what ends a record."""
 
-    def hearing(self, direction: Direction) -> Hearing:
-        """An ear for what the control says of a transfer that way. In a punch-out of protocol B some of its codes may
-        be characters.
-        """
-        if direction is Direction.SEND or self.opens:
-            return Hearing(self.begins, self.stops, self.refuses)
-        return Hearing(self.announces)
-
 
 def _with_parity(codes: set[int]) -> frozenset[int]:
     """Also under the parity bit that software makes, or a damaged one."""
     return frozenset(codes) | frozenset(code | 0x80 for code in codes)
-
-
-def _as_it_is_said(codes: set[int], by_software: bool) -> frozenset[int]:
-    """Where the host looks at parity itself, only under the right parity bit."""
-    return frozenset(map(with_even_parity, codes)) if by_software else _with_parity(codes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,12 +133,6 @@ class Scenario:
     finish: Finish
 
     @property
-    def is_linked(self) -> bool:
-        """DNC LINK: the control names the program, and asks for records."""
-        cnc = self.settings.cnc
-        return self.protocol == "bridgeport" and cnc.get("mode", "D") == "D" and cnc.get("program") != "-1"
-
-    @property
     def program(self) -> bytes:
         if self.protocol == "bridgeport":
             return program_with_cr_lf(self.size, self.place)
@@ -185,9 +158,6 @@ class Scenario:
             stops=_with_parity(stop),
             goes=_with_parity(goes),
             opens=_with_parity({table.open_write}),
-            announces=_with_parity({table.open_write}),
-            refuses=_as_it_is_said({table.cancel}, self.settings.host.get("parity") == "software"),
-            begins=_with_parity({table.open_write, table.read_request}),
             requests=_with_parity({table.read_request}),
             answers=_with_parity({table.ack, table.nak}),
             ends=_with_parity({table.text_end}),

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from io import BytesIO
 from typing import Any, Final
 
-from tapewire.engine import SECOND, AfterStop, Ended, Event, Nanos, Received
+from tapewire.engine import SECOND, AfterStop, Ended, Event, Nanos, Outcome
 from tapewire.errors import UsageError
 from tapewire.line.faults.damage import Parity
 from tapewire.line.faults.plan import CutPower, EndFault, Extent, FaultPlan, LineEnd, RestartProcess, StepClock, Wire
@@ -18,7 +18,7 @@ from tapewire.line.paths import PATHS
 from tapewire.line.reception import Cut
 from tapewire.line.transport import Fault
 from tapewire.sim.beliefs import disagreement
-from tapewire.sim.evidence import Attempt, Evidence, Job, Wait, both
+from tapewire.sim.evidence import Attempt, Evidence, Job, Wait
 from tapewire.sim.execution import BlockTime, Speeds
 from tapewire.sim.frames import last_codes
 from tapewire.sim.machine import Control
@@ -154,18 +154,8 @@ class Trial:
             if self._sends:
                 self.evidence.host.stops, self.evidence.host.goes = codes.stops, codes.goes
                 self.evidence.host.opens = codes.opens
-            else:
-                self.evidence.cnc.stops, self.evidence.cnc.goes = codes.stops, codes.goes
-                self.evidence.cnc.announces = codes.announces
-            self.evidence.hearing = codes.hearing(self.scenario.direction)
-        self._listen_to_host(pair)
+        self.evidence.host.listen(pair.host_link)
         self.evidence.cnc.listen(pair.cnc_link)
-
-    def _listen_to_host(self, pair: Pair) -> None:
-        link = pair.host_link
-        self.evidence.host.listen(link)
-        if link.on_item is not None:
-            link.on_item = both(self.evidence.hearing.hear, link.on_item)
 
     def _step(self, now: Nanos) -> None:
         if self._sends and self._busy:
@@ -184,15 +174,14 @@ class Trial:
         if isinstance(event, Ended) and self._job is not None:
             job = self._job
             self._step(now)
-            self.evidence.note_end(job, event, now)
+            job.complete = event.outcome is Outcome.COMPLETE
+            job.low, job.high, job.reason, job.ended = event.bytes_low, event.bytes_high, event.reason, now
             if job.complete:
                 self.evidence.disagreement = disagreement(self.pair.host, self.pair.cnc)
             attempts = self.evidence.attempts[job.attempts_before :]
             if attempts:
                 job.got_at_end = max(attempt.got for attempt in attempts)
                 job.delivered_at_end = len(attempts[-1].delivered)
-        elif isinstance(event, Received) and self._job is not None:
-            self._job.reported += event.count
 
     def _cnc_event(self, event: Event, now: Nanos) -> None:
         if isinstance(event, Ended):
@@ -245,7 +234,7 @@ class Trial:
             source = _Hesitant(self.evidence.program, self.scenario.source_pauses, self._draws)
             self.pair.host.start(source, self.world.now)
         else:
-            self.pair.host.receive(job, self.world.now)
+            self.pair.host.receive(_Store(job.stored), self.world.now)
         self.evidence.jobs.append(job)
 
     def _press_start(self) -> None:
@@ -330,7 +319,7 @@ class Trial:
         evidence.stuck += ["host"] * (self._job is not None) + ["control"] * self._busy
 
     def _abort(self) -> None:
-        self.evidence.note_tidying(Act.ABORT.value, self.world.now)
+        self.evidence.note_act(Act.ABORT.value, self.world.now)
         if not self.pair.host_side.off:
             self.pair.host.abort(self.world.now)
         self.world.advance(lambda: self._job is None, self.world.now + AFTER_RESET)
@@ -343,7 +332,7 @@ class Trial:
     def _reset(self) -> None:
         if self.pair.cnc_side.off:
             return
-        self.evidence.note_tidying(Act.RESET.value, self.world.now)
+        self.evidence.note_act(Act.RESET.value, self.world.now)
         self.pair.control.reset(self.world.now)
 
     def _finish(self) -> None:
@@ -354,7 +343,6 @@ class Trial:
                 self._reset_and_wait()
                 self._press_start()
                 self.world.run_for(UNARMED)
-                self._arm_late()
                 self._reset()
             case Finish.START_AGAIN if self._job is None:
                 self._reset_and_wait()
@@ -364,15 +352,6 @@ class Trial:
             case _:
                 return
         self.world.run_for(QUIET)
-
-    def _arm_late(self) -> None:
-        """A control of protocol A that asks, and was given nothing, asks again (WAT, 4.4.1; invalid packets, 5.2)."""
-        asks = self.scenario.protocol.startswith("fanuc-a") and self._busy
-        if asks and not self.pair.host_side.off and not (attempt := self.evidence.attempts[-1]).got:
-            self._arm()
-            attempt.armed = True
-            self.evidence.jobs[-1].attempts_before -= 1
-            self._run_to_the_end()
 
     def _reset_and_wait(self) -> None:
         """Both ends have power, the control is reset, and the operator looks on for a while."""
@@ -484,7 +463,7 @@ class Trial:
         self.evidence.last_disturbance = max(self.evidence.last_disturbance, self.world.now)
         self.evidence.cut_short.append(len(self.evidence.host.sent))
         self.pair.restart_host(self.world.now)
-        self._listen_to_host(self.pair)
+        self.evidence.host.listen(self.pair.host_link)
 
     def _control_returns(self) -> None:
         self.evidence.last_disturbance = max(self.evidence.last_disturbance, self.world.now)
@@ -497,3 +476,13 @@ class Trial:
             return 0
         held = max(footprint(self.pair.host), footprint(self.pair.cnc))
         return max(0, held - len(self.evidence.program))
+
+
+class _Store:
+    """Where the host puts what it receives."""
+
+    def __init__(self, stored: bytearray) -> None:
+        self._stored = stored
+
+    def write(self, data: bytes) -> None:
+        self._stored += data

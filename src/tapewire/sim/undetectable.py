@@ -89,7 +89,9 @@ class Excuses:
         self._frame = 4 if self._is_b else 20
         """Characters a place may be off by the codes between program and wire: DC2, DC3; DC2 again and a name."""
         self._is_bridgeport = scenario.protocol == "bridgeport"
-        self._linked = scenario.is_linked
+        cnc = scenario.settings.cnc
+        named = cnc.get("program") != "-1"
+        self._linked = self._is_bridgeport and cnc.get("mode", "D") == "D" and named
         self._loads = self._is_bridgeport and not self._linked and self._sends
         self._codes = scenario.codes
 
@@ -123,14 +125,13 @@ class Excuses:
     def _dark_control(self, job: Job) -> str:
         """What ended the control's operation in the time of `job` and reached no host to which ER says nothing."""
         evidence = self._evidence
-        if self._is_a or not self._er_unseen:
-            # A control of protocol A that comes back says SYN (4.3 (1)).
+        if not self._er_unseen:
             return ""
         if any(what == "power cut: control" and job.covers(moment) for moment, what in evidence.acts):
             return Undetectable.DARK_CONTROL
         failed = self._evidence.control_ended(job, Outcome.FAILED)
         pulled = [damage for damage in evidence.damages if damage.kind == "pulled cable"]
-        if failed and any(job.covers(damage.moment) for damage in pulled):
+        if not self._is_a and failed and any(job.covers(damage.moment) for damage in pulled):
             # SR855; and while DR is OFF neither SYN nor NAK is posted (6.1.2).
             return Undetectable.ALARM_UNPLUGGED
         return ""
@@ -351,10 +352,6 @@ class Excuses:
 
     def out_of_nothing(self, attempt: Attempt) -> str:
         """Something of a program that was not armed came."""
-        if self._is_a:
-            # A character is not yet a DAT or a packet.
-            brought = bytes(self._evidence.cnc.brought[attempt.brought :])
-            return Undetectable.SUM if cancelled_sums(self._evidence.host_lives, brought, self._n) else ""
         unseen = self._unseen(Wire.FROM_HOST)
         if self._is_bridgeport:
             return self._text_of_codes(attempt, [hit for hit in unseen if hit.plain and self._while_read(hit, attempt)])
@@ -370,10 +367,6 @@ class Excuses:
         if count < len(attempt.delivered) or attempt.got > sum(len(hit.plain) for hit in made) + answers:
             return ""
         return made[0].name if made and not answered else Undetectable.READ_AS_TEXT
-
-    def hit_twice(self, job: Job) -> str:
-        """Two characters of one message of protocol A, and its sum is right (4.1)."""
-        return self.told_wrongly(job) or self.stuck("control") if len(self._evidence.damages) > 1 else ""
 
     def stuck(self, who: str) -> str:
         """Given up at one end, RESET at the other, and this one has not ended: a To that came otherwise (4.5)."""

@@ -6,7 +6,6 @@ For `undetectable.py`. `n` is that of the packets (5.2); 0 is protocol A, which 
 from __future__ import annotations
 
 from tapewire.line.faults.plan import Wire
-from tapewire.protocols.fanuc_a.messages import Command
 from tapewire.protocols.fanuc_a.packets import END_NUMBER, NUMBERS, Monitor, packet_bytes
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job
 from tapewire.sim.frames import ends_with_nak, is_monitor, right_packet
@@ -64,18 +63,15 @@ def went_round(evidence: Evidence, n: int, attempt: Attempt, job: Job, missing: 
 def never_repeated(evidence: Evidence, n: int, damage: Damage) -> bool:
     """It hit what nobody says again by the rules of the packets, though its sum shows it.
 
-    The GTD before the first of them: behind it a control hears no RTY, only packets (5.2). DC1: the host waits for a
-    monitor packet, and a control that has said DC1 waits for a packet (5.3 4)). And what makes the control pass
-    over a good end packet, as one that was under way behind a bad effective packet would be (5.2 2)): the number of the
-    end packet itself, or an invalid packet before it, which may have been either, where nothing but other invalid ones
-    stand between.
+    DC1: the host waits for a monitor packet, and a control that has said DC1 waits for a packet (5.3 4)). And what
+    makes the control pass over a good end packet, as one that was under way behind a bad effective packet would be
+    (5.2 2)): the number of the end packet itself, or an invalid packet before it, which may have been either,
+    where nothing but other invalid ones stand between.
     """
     if not n or not damage.place:
         return False
     if damage.wire is Wire.FROM_CONTROL:
-        sent, at = bytes(evidence.cnc.sent), damage.place - 1
-        begun = any(attempt.got for attempt in evidence.attempts)
-        return _was_restart(sent, at) or (not begun and _was_request(sent, at))
+        return _was_restart(bytes(evidence.cnc.sent), damage.place - 1)
     sent, length = bytes(evidence.host.sent), packet_bytes(n)
     start = _start_of_packet(sent, length, damage.place - 1)
     if start is None:
@@ -99,12 +95,6 @@ def _was_restart(sent: bytes, at: int) -> bool:
     """The character `at` of what the control said belongs to DC1."""
     packets = (sent[start : start + 5] for start in range(max(0, at - 4), at + 1))
     return any(len(packet) == 5 and packet[0] & 0x7F == Monitor.DC1.value and is_monitor(packet) for packet in packets)
-
-
-def _was_request(sent: bytes, at: int) -> bool:
-    """The character `at` of what the control said belongs to GTD, in ASCII or ISO."""
-    messages = (sent[start : start + 6] for start in range(max(0, at - 5), at + 1))
-    return any(bytes(byte & 0x7F for byte in message[2:5]) == Command.GTD.value.encode() for message in messages)
 
 
 def _of_host(evidence: Evidence, attempt: Attempt) -> list[Damage]:
