@@ -394,7 +394,7 @@ def test_a_control_does_not_say_of_itself_what_came_to_it() -> None:
         (b"\x04", "L", 15, Outcome.COMPLETE, True),
         (b"\x05", "L", 15, Outcome.COMPLETE, False),
         (b"\x04", "D", 15, Outcome.COMPLETE, False),
-        (b"\x04", "L", 16, Outcome.COMPLETE, False),
+        (b"\x04", "L", 17, Outcome.COMPLETE, False),
         (b"\x04", "L", 15, Outcome.FAILED, False),
     ],
 )

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Final
 
-from tapewire.engine import Nanos, Outcome
+from tapewire.engine import SECOND, Nanos, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.protocols.bridgeport.records import RECORD_BYTES
 from tapewire.protocols.delivery import HEARD_LATE
@@ -110,7 +110,7 @@ def text_ended_early(evidence: Evidence, attempt: Attempt, unseen: Sequence[Dama
     whole = [ended for ended, outcome in evidence.control_ends if outcome is Outcome.COMPLETE]
     return any(
         ends & (set(damage.plain) - set(damage.sent))
-        and any(attempt.began <= damage.moment <= ended <= damage.moment + HEARD_LATE for ended in whole)
+        and any(attempt.began <= damage.moment <= ended <= damage.moment + SECOND for ended in whole)
         for damage in unseen
     )
 

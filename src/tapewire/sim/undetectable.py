@@ -271,8 +271,8 @@ class Excuses:
         attempt = attempts[-1] if attempts else None
         if dark := self._dark_control(job):
             return dark
+        gone = 0 if self._is_a else sum(map(self._lost, self._unseen(Wire.FROM_HOST, job)))
         if attempt is not None and not self._is_a:
-            gone = sum(map(self._lost, self._unseen(Wire.FROM_HOST, job)))
             if 0 < missing <= gone:
                 return Undetectable.LOST
             if self._eor_came_otherwise(attempt):
@@ -290,7 +290,7 @@ class Excuses:
             if went_round(self._evidence, self._n, attempt, job, missing):
                 return Undetectable.TEN_PACKETS
         acknowledged = self._is_a or self._linked
-        if not acknowledged and heard_late(self._scenario, self._evidence, job, missing, self._ends_within(job)):
+        if not acknowledged and heard_late(self._scenario, self._evidence, job, missing - gone, self._ends_within(job)):
             return Undetectable.LATE_WORD
         return Undetectable.OTHER_NAME if self._name_changed(attempt) else self.told_wrongly(job)
 

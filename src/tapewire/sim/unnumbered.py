@@ -57,7 +57,8 @@ def went_round(evidence: Evidence, n: int, attempt: Attempt, job: Job, missing: 
     until = min((other.heard for other in evidence.attempts if other.began > attempt.began), default=None)
     asked = ends_with_nak(bytes(evidence.cnc.sent[attempt.heard : until]), wanted)
     lost = _lost([damage for damage in _of_host(evidence, attempt) if job.covers(damage.moment)])
-    return whole_rounds and asked and lost > (packets - 1) * length
+    # Of what was lost, up to two packets are in the bad ones for which it asked.
+    return whole_rounds and asked and lost > (packets - 2) * length
 
 
 def never_repeated(evidence: Evidence, n: int, damage: Damage) -> bool:

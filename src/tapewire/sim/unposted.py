@@ -36,7 +36,7 @@ __all__ = [
     "with_the_last",
 ]
 
-LEAVING: Final[Nanos] = 1 * SECOND
+LEAVING: Final[Nanos] = 2 * SECOND
 """Between what ends a job and its end: what had been handed over leaves, or is called back."""
 
 CLOSING: Final[Nanos] = 6 * SECOND
@@ -59,7 +59,7 @@ def heard_late(scenario: Scenario, evidence: Evidence, job: Job, missing: int, e
     for stop in evidence.damages:
         heard = stop.moment + stop.late + HEARD_LATE
         held_back = any(stop.moment - HEARD_LATE <= end <= heard for end in ends) and job.ended <= heard + ends_within
-        if stop.kind == "late stop" and held_back and missing <= stop.late // character + reach:
+        if stop.kind == "late stop" and held_back and missing <= (stop.late + HEARD_LATE) // character + reach:
             return True
     for since, until in evidence.sleeps:
         slept = until - since > HEARD_LATE and until <= job.ended <= until + ends_within
@@ -102,7 +102,7 @@ def ends_alike(scenario: Scenario, evidence: Evidence, job: Job) -> bool:
 
 def with_the_last(scenario: Scenario, missing: int) -> bool:
     """DC3 may be heard late, and the last characters may stand in a FIFO or an adapter that does not say so."""
-    return missing <= max(HEARD_LATE // character_time(scenario.baud), PATHS[scenario.path].out_of_reach)
+    return missing <= HEARD_LATE // character_time(scenario.baud) + PATHS[scenario.path].out_of_reach
 
 
 def cut_while_paused(scenario: Scenario, evidence: Evidence, wait: Wait) -> bool:
