@@ -221,3 +221,11 @@ def test_an_end_code_out_of_noise_in_place_of_an_answer_leaves_the_host_waiting(
     job, attempt = evidence.jobs[0], evidence.attempts[0]
     wait = Wait(who=("host",), job=job, attempt=attempt, said=b"", heard=b"", told=END)
     assert (excuses.waiting("host", wait) == Undetectable.FORGED_END) is excused
+
+
+@pytest.mark.parametrize(("delivered", "surplus", "excused"), [(3, 1, True), (3, 2, False), (19, 1, False)])
+def test_a_code_that_stood_in_the_buffer_of_a_control_that_failed(delivered: int, surplus: int, excused: bool) -> None:
+    """REMOTE LOAD: the answer to a DC2 of nobody came behind the text, and was not taken any more."""
+    evidence, excuses = case("bridgeport", cnc={"mode": "L"}, **FORGED)
+    del evidence.attempts[0].delivered[delivered:]
+    assert (excuses.more(evidence.attempts, surplus) == Undetectable.READ_AS_TEXT) is excused

@@ -10,6 +10,7 @@ import pytest
 from tapewire.engine import MILLISECOND, SECOND, Outcome
 from tapewire.line.faults.plan import Wire
 from tapewire.line.pacing import character_time
+from tapewire.sim.names import Undetectable
 from tapewire.sim.scenarios import Direction, draw
 from tapewire.sim.switches import Settings
 from tapewire.sim.undetectable import Excuses
@@ -139,3 +140,30 @@ def test_an_alarm_whose_dc3_is_heard_late_says_the_same_as_the_end(
     evidence.attempts[0].got = 100
     evidence.control_ends.append((15 * SECOND, Outcome.FAILED))
     assert bool(Excuses(drawn, evidence).short(evidence.attempts[0], evidence.jobs[0])) is excused
+
+
+@pytest.mark.parametrize(
+    ("said", "host", "got", "excused"),
+    [
+        (b"\x11\x13\x13", {"posting": "off"}, 0, True),
+        (b"\x11\x93\x13", {"posting": "off"}, 0, True),
+        (b"\x11\x13\x13", {"er": "hidden"}, 0, True),
+        (b"\x11\x13\x13", {}, 0, False),
+        (b"\x11\x13\x13\x16", {"posting": "off"}, 0, True),
+        (b"\x11\x13\x11\x13", {"posting": "off"}, 0, False),
+        (b"\x11\x13\x13", {"posting": "off"}, 1, False),
+    ],
+)
+def test_an_end_right_behind_a_stop(said: bytes, host: dict[str, str], got: int, excused: bool) -> None:
+    """`got` characters are missing."""
+    evidence, excuses = case(host=host)
+    evidence.cnc.sent += said
+    evidence.attempts[0].got -= got
+    assert (excuses.undisturbed(evidence.attempts[0]) == Undetectable.END_LIKE_RESET) is excused
+    assert excuses.undisturbed(None) == ""
+
+
+def test_what_nothing_disturbs_is_told_of_protocol_b_alone() -> None:
+    evidence, excuses = case("bridgeport")
+    evidence.cnc.sent += b"\x13\x13"
+    assert excuses.undisturbed(evidence.attempts[0]) == ""

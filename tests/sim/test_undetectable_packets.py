@@ -45,6 +45,7 @@ def test_ten_packets_are_skipped_where_eight_are_gone_whole_and_two_in_part(lost
         (9 * 1024, 9 * 1028 + 1, b"\x1584D\r", False),
         (10 * 1024 - 1, 9 * 1028 + 1, b"\x1584D\r", False),
         (10 * 1024, 9 * 1028 + 1, b"\x1584D\r\x18 38\r", True),
+        (10 * 1024, 9 * 1028 + 1, b"\x95\xb84\xc4\x8d", True),
     ],
 )
 def test_a_nak_for_the_packet_ten_before(missing: int, lost: int, nak: bytes, excused: bool) -> None:

@@ -62,7 +62,12 @@ def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterato
     if evidence.host.after_stop:
         yield "nothing is handed over after a stop", f"{evidence.host.after_stop} characters", ""
     if evidence.left_alone and not evidence.damages and not evidence.overruns_beyond and not evidence.jobs[0].complete:
-        yield "what nothing disturbs completes", f"not complete: {evidence.jobs[0].reason}", ""
+        what = f"not complete: {evidence.jobs[0].reason}"
+        yield (
+            "what nothing disturbs completes",
+            what,
+            excuses.undisturbed(_last(_attempts_of(evidence, evidence.jobs[0]))),
+        )
     if _must_be_repeated(scenario, evidence) and not evidence.jobs[0].complete:
         what = f"not complete after {evidence.damages[0].name}: {evidence.jobs[0].reason}"
         yield "what can be asked for again is", what, ""

@@ -160,7 +160,7 @@ def ends_with_nak(sent: bytes, number: int) -> bool:
     """The last monitor packet of expansion A but CAN is NAK, for the packets that bear `number`, 0 to 9 (5.3)."""
     packets = (sent[at : at + 5] for at in range(len(sent) - 5, -1, -1))
     last = next((packet for packet in packets if is_monitor(packet) and packet[0] & 0x7F != _CAN), b"")
-    return bool(last) and last[0] & 0x7F == 0x15 and last[1] == 0x30 + number
+    return bool(last) and last[0] & 0x7F == 0x15 and last[1] & 0x7F == 0x30 + number
 
 
 def is_monitor(packet: bytes) -> bool:

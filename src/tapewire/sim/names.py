@@ -19,6 +19,7 @@ class Undetectable(StrEnum):
     # protocol B, and what Bridgeport shares with it
     LOOKS_LIKE_STOP = "a reset that looks like a stop: no posting, and ER unseen"
     WITH_THE_LAST = "an alarm or a reset behind the last characters, without posting"
+    END_LIKE_RESET = "an end right behind a stop, which a reset would say too"
     CODE = "a control code lost, damaged or forged"
     CS_OFF = "an alarm or a reset while the host holds CS OFF, and ER unseen"
     EOR = "an EOR lost or forged"

@@ -42,6 +42,7 @@ from tapewire.sim.unposted import (
     alarm_behind,
     announcement_was_hit,
     cut_while_paused,
+    end_like_reset,
     ended_unplugged,
     ends_alike,
     ends_in_eor,
@@ -310,7 +311,11 @@ class Excuses:
         makers = self._makers(attempt)
         if surplus <= sum(map(self._gained, makers)):
             return makers[0].name
-        return Undetectable.READ_AS_TEXT if surplus <= self._beside_the_program(attempt) else ""
+        beside_it = self._beside_the_program(attempt)
+        if self._loads and attempt.got > len(attempt.delivered):
+            # In the buffer of a control that failed stand codes that were not looked at.
+            beside_it = max(beside_it, self._answers(attempt))
+        return Undetectable.READ_AS_TEXT if surplus <= beside_it else ""
 
     def _makers(self, attempt: Attempt) -> list[Damage]:
         """What made characters for the control while it was in this reading."""
@@ -367,6 +372,12 @@ class Excuses:
         if count < len(attempt.delivered) or attempt.got > sum(len(hit.plain) for hit in made) + answers:
             return ""
         return made[0].name if made and not answered else Undetectable.READ_AS_TEXT
+
+    def undisturbed(self, attempt: Attempt | None) -> str:
+        """Nothing happened, and it is not complete. Posting and ER together tell a reset."""
+        told = self._scenario.settings.host.get("posting") != "off" and not self._er_unseen
+        doubtful = self._is_b and self._sends and not told
+        return Undetectable.END_LIKE_RESET if doubtful and end_like_reset(self._evidence, attempt) else ""
 
     def stuck(self, who: str) -> str:
         """Given up at one end, RESET at the other, and this one has not ended: a To that came otherwise (4.5)."""

@@ -23,6 +23,7 @@ __all__ = [
     "alarm_behind",
     "announcement_was_hit",
     "cut_while_paused",
+    "end_like_reset",
     "ended_unplugged",
     "ends_alike",
     "ends_in_eor",
@@ -48,6 +49,7 @@ LONGEST_BLINK: Final[Nanos] = 2 * SECOND
 _DC1: Final = b"\x11"
 _DC3: Final = b"\x13"
 _STOPS: Final = frozenset(b"\x13\x93")
+_WITHOUT_PARITY: Final = bytes(byte & 0x7F for byte in range(256))
 
 
 def heard_late(scenario: Scenario, evidence: Evidence, job: Job, missing: int, ends_within: Nanos) -> bool:
@@ -98,6 +100,17 @@ def ends_alike(scenario: Scenario, evidence: Evidence, job: Job) -> bool:
     """Without posting the end of a reading, an alarm and a reset say DC3 and turn ER OFF alike (6.1.1)."""
     sends = scenario.direction is Direction.SEND
     return sends and _posts_nothing(scenario) and evidence.control_ended(job, Outcome.FAILED, Outcome.CANCELLED)
+
+
+def end_like_reset(evidence: Evidence, attempt: Attempt | None) -> bool:
+    """The host was stopped with the rest of its program on the way, and the DC3 of the end followed: so close behind
+    the last characters that a reset might have thrown them away (6.1.1, 6.4). A reset later on may be posted.
+    """
+    if attempt is None:
+        return False
+    later = (other.heard for other in evidence.attempts if other.began > attempt.began)
+    said = evidence.cnc.sent[attempt.heard : min(later, default=None)].translate(_WITHOUT_PARITY)
+    return attempt.got == len(evidence.program) and said.rstrip(b"\x15\x16").endswith(2 * _DC3)
 
 
 def with_the_last(scenario: Scenario, missing: int) -> bool:
