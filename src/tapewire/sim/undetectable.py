@@ -208,8 +208,10 @@ class Excuses:
         ends = self._codes.record_ends
         if forged_records(bytes(self._evidence.host.sent), brought, cnc.get("lrc", "xor7_etb"), ends):
             return Undetectable.CHECK
-        stalled = any(what in _STALLS and moment >= attempt.began for moment, what in self._evidence.acts)
-        if stalled and rest_fits(brought, bytes(attempt.delivered), cnc.get("lrc", "xor7_etb"), ends):
+        stalls = [moment for moment, what in self._evidence.acts if what in _STALLS]
+        holds = [damage.moment for damage in self._evidence.damages if damage.kind == "CTS OFF"]
+        paused = any(moment >= attempt.began for moment in stalls + holds)
+        if paused and rest_fits(brought, bytes(attempt.delivered), cnc.get("lrc", "xor7_etb"), ends):
             return Undetectable.REST
         for damage in self._unseen(Wire.FROM_CONTROL):
             if damage.moment >= attempt.began and self._codes.answers & (set(damage.sent) | set(damage.plain)):
