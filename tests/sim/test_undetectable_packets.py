@@ -43,6 +43,8 @@ def test_ten_packets_are_skipped_where_eight_are_gone_whole_and_two_in_part(lost
         (10 * 1024, 9 * 1028 + 1, b"\x1584D\r\x11 31\r", False),
         (10 * 1024, 9 * 1028 + 1, b"", False),
         (9 * 1024, 9 * 1028 + 1, b"\x1584D\r", False),
+        (9 * 1024, 8 * 1028 + 1, b"\x1574C\r\x93 B3\r", True),
+        (9 * 1024, 8 * 1028, b"\x1574C\r\x93 B3\r", False),
         (10 * 1024 - 1, 9 * 1028 + 1, b"\x1584D\r", False),
         (10 * 1024, 9 * 1028 + 1, b"\x1584D\r\x18 38\r", True),
         (10 * 1024, 9 * 1028 + 1, b"\x95\xb84\xc4\x8d", True),

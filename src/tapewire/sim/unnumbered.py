@@ -52,13 +52,16 @@ def went_round(evidence: Evidence, n: int, attempt: Attempt, job: Job, missing: 
         return False
     length = packet_bytes(n)
     packets, rest = divmod(missing, length - 4)
-    whole_rounds = packets > 0 and packets % 10 == 0 and not rest
-    wanted = attempt.got // (length - 4) % 10
+    # What it has taken since bore the right number, and was the packet ten behind.
+    taken = -packets % 10
+    whole_rounds = packets > 0 and not rest
+    wanted = (attempt.got // (length - 4) - taken) % 10
     until = min((other.heard for other in evidence.attempts if other.began > attempt.began), default=None)
-    asked = ends_with_nak(bytes(evidence.cnc.sent[attempt.heard : until]), wanted)
+    said = bytes(evidence.cnc.sent[attempt.heard : until])
+    asked = any(ends_with_nak(said[:end], wanted) for end in (range(len(said)) if taken else (len(said),)))
     lost = _lost([damage for damage in _of_host(evidence, attempt) if job.covers(damage.moment)])
     # Of what was lost, up to two packets are in the bad ones for which it asked.
-    return whole_rounds and asked and lost > (packets - 2) * length
+    return whole_rounds and asked and lost > (packets + taken - 2) * length
 
 
 def never_repeated(evidence: Evidence, n: int, damage: Damage) -> bool:

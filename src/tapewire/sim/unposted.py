@@ -184,12 +184,13 @@ def resume_was_hit(unseen: Sequence[Damage], wait: Wait) -> bool:
 
 
 def ended_unplugged(evidence: Evidence, wait: Wait) -> bool:
-    """DR was OFF when the control had the program whole: it needs its host no more, and no DC3 is said (6.1.2)."""
+    """DR was OFF when the control had the program whole: it needs its host no more, and no DC3 is said (6.1.2). What it
+    said last may be one all the same, which was a stop.
+    """
     ends = [moment for moment, outcome in evidence.control_ends if outcome is Outcome.COMPLETE]
     pulled = [damage.moment for damage in evidence.damages if damage.kind == "pulled cable"]
     began = wait.attempt.began if wait.attempt is not None else wait.job.began
-    unplugged = any(began <= pull <= end and wait.job.covers(end) for pull in pulled for end in ends)
-    return unplugged and not wait.said.endswith(_DC3)
+    return any(began <= pull <= end and wait.job.covers(end) for pull in pulled for end in ends)
 
 
 def ends_in_eor(scenario: Scenario, text: bytes) -> bool:
