@@ -85,10 +85,10 @@ def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterato
 
 def _must_be_repeated(scenario: Scenario, evidence: Evidence) -> bool:
     """One character turned in all, and nothing else, in a protocol whose ends ask again for what came damaged."""
-    # A NAK for the packet behind a bad one is one more retry (4.5, 5.3 2)), and draws what was sent once more; where
-    # that ends in FFh it is never awaited (5.2 2)), until Ne ends it.
-    at_once = scenario.settings.cnc.get("naks") == "packet"
-    repeats = scenario.protocol.startswith("fanuc-a") and scenario.settings.host.get("Ne") != "0" and not at_once
+    ne = scenario.settings.host.get("Ne", "10")
+    # A NAK for the packet behind a bad one is one more retry (4.5, 5.3 2)).
+    at_once = ne == "1" and scenario.settings.cnc.get("naks") == "packet"
+    repeats = scenario.protocol.startswith("fanuc-a") and ne != "0" and not at_once
     damages = evidence.damages
     one = len(damages) == 1 and damages[0].unseen and len(damages[0].plain) == len(damages[0].sent) == 1
     if one and set(damages[0].sent + damages[0].plain) & _END_CODES:

@@ -245,6 +245,33 @@ def test_the_end_packet_behind_a_repetition_of_what_is_here_ends_the_session() -
     assert bench.take() == part(0) + part(1) + b"\nM30\n%"
 
 
+def test_a_nak_for_each_packet_and_a_bad_packet_right_before_the_end_packet() -> None:
+    bench = packets(quick(naks=Naks.PACKET)).receive(bad(good(0))).receive(last())
+    assert bench.monitors() == nak(0x30) * 2
+    bench.receive(good(0)).receive(good(0)).receive(last())
+    assert bench.monitors() == b"", "what comes twice was asked for twice"
+    assert bench.take() == part(0) + b"\nM30\n%"
+
+
+def test_a_nak_for_each_packet_and_a_bad_one_among_what_comes_again() -> None:
+    bench = packets(quick(naks=Naks.PACKET)).receive(bad(good(0))).receive(good(1))
+    bench.receive(good(0)).receive(good(1)).receive(good(0))
+    assert bench.monitors() == nak(0x30) * 2
+    bench.receive(bad(good(1))).receive(last())
+    assert bench.monitors() == nak(0x32) * 2
+    assert bench.state is State.PACKETS
+    bench.receive(good(2)).receive(last())
+    assert bench.take() == part(0) + part(1) + part(2) + b"\nM30\n%"
+
+
+def test_a_nak_for_each_packet_and_what_never_comes_behind_a_repetition() -> None:
+    bench = packets(quick(naks=Naks.PACKET)).receive(bad(good(0))).receive(good(1)).receive(good(0)).receive(good(0))
+    assert bench.monitors() == nak(0x30) * 2
+    for index in range(2, 2 + MOST_STALE):
+        bench.receive(good(index))
+    assert bench.monitors() == nak(0x31)
+
+
 @pytest.mark.parametrize(("naks", "count"), [(Naks.ERROR, 1), (Naks.PACKET, 3)])
 def test_one_nak_for_an_error_or_for_each_packet_that_follows(naks: Naks, count: int) -> None:
     bench = packets(quick(naks=naks)).receive(bad(good(0))).receive(good(1)).receive(good(2))

@@ -36,7 +36,8 @@ from tapewire.protocols.settings import Switch
 __all__ = ["LONGEST_AMONG_PACKETS", "MOST_STALE", "PacketSession", "Verdict"]
 
 MOST_STALE: Final = 4
-"""With `monitors_again=on`: packets passed over before the control says its NAK, or its CAN, again.
+"""With `monitors_again=on`: packets passed over before the control says its NAK, or its CAN, again. With
+`naks=packet` the same holds for a NAK while what was obeyed twice goes by.
 
 A host finishes the packet it is sending and then obeys, so one or two are stale, or a few where much is under way.
 Nine would bring the awaited number back on a packet ten later: a NAK that was lost must not go unnoticed so long.
@@ -153,8 +154,13 @@ class PacketSession:
 
     @property
     def _again(self) -> bool:
-        """What was not obeyed is said again, and what is then obeyed twice is no error."""
+        """What was not obeyed is said again."""
         return self._params.monitors_again is Switch.ON
+
+    @property
+    def _often(self) -> bool:
+        """NAK may be said more than once for one error, and what is then obeyed twice is no error."""
+        return self._again or self._params.naks is Naks.PACKET
 
     @property
     def _rewinding(self) -> bool:
@@ -167,7 +173,7 @@ class PacketSession:
 
     def _out_of_order(self, number: int) -> Verdict:
         self._last_stale = number
-        known = self._again and self._rewinds and number == self._asked_for
+        known = self._often and self._rewinds and number == self._asked_for
         if known and self._ahead <= MOST_STALE:
             # The host obeys a NAK for what has come meanwhile: nothing is missing, and a NAK for what it has not sent
             # yet would name a packet ten before.
@@ -182,7 +188,8 @@ class PacketSession:
     def _pass_over(self, number: int) -> Verdict:
         self._last_stale = number if number in NUMBERS else None
         self._stale += 1
-        if (self._again and self._stale > MOST_STALE) or self._params.naks is Naks.PACKET:
+        each = self._params.naks is Naks.PACKET and not self._rewinding
+        if each or (self._often and self._stale > MOST_STALE):
             return self._nak(number, f"packet {number:02X} where {self._expected:02X} was asked for")
         return Verdict.GO_ON
 
