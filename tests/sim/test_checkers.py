@@ -14,7 +14,7 @@ from tapewire.protocols.bridgeport.records import LRC_CANDIDATES, Lrc, encode_re
 from tapewire.protocols.fanuc_a.packets import encode_packet
 from tapewire.sim.beliefs import disagreement
 from tapewire.sim.evidence import Damage, Tap
-from tapewire.sim.frames import cancelled_sums, forged_records
+from tapewire.sim.frames import cancelled_sums, forged_records, rest_fits
 from tapewire.sim.undetectable import first_difference
 from tapewire.sim.world import World
 
@@ -72,6 +72,32 @@ def test_the_first_record_stands_behind_the_answer_to_the_name() -> None:
     assert forged_records(b"\x11" + record, b"\x11" + twice, "xor7_etb", ENDS)
     for before, found in ((b"\x11\x13", True), (b"\x00\x11\x7f\x13", True), (b"X", False), (b"\x11X", False)):
         assert forged_records(before + record, before + twice, "xor7_etb", ENDS) is found
+
+
+FIRST, RECORD, LAST = b"N1\r\n", b"X1X1Z9\r\n", b"M30\r\n"
+
+
+@pytest.mark.parametrize(
+    ("taken", "fits"),
+    [
+        (FIRST + b"Z9\r\n" + LAST, True),
+        (FIRST + b"Z9\r\n", True),
+        (FIRST + b"X1Z9\r\n" + LAST, False),
+        (FIRST + LAST, False),
+        (FIRST + RECORD + b"Z9\r\n" + LAST, False),
+        (FIRST + b"Y5\r\n" + LAST, False),
+    ],
+)
+def test_the_rest_of_a_record_stands_where_the_record_should(taken: bytes, fits: bool) -> None:
+    """Its head has every character twice, so that the rest has the same check character."""
+    brought = b"\x11" + b"".join(encode_record(text, 0x17, Lrc.XOR7_ETB) for text in (FIRST, RECORD, LAST))
+    program = FIRST + RECORD + LAST
+    wrong = first_difference(taken, program)
+    assert wrong is not None
+    assert rest_fits(brought, taken, program, wrong, "xor7_etb", ENDS) is fits
+    skipped = FIRST + LAST
+    other = first_difference(taken, skipped)
+    assert other is None or not rest_fits(brought, taken, skipped, other, "xor7_etb", ENDS), "the host sent other text"
 
 
 @pytest.mark.parametrize(("got", "where"), [(b"", None), (b"AB", None), (b"AX", 1), (b"ABCD", 3)])

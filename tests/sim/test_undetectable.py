@@ -144,11 +144,14 @@ def test_an_alarm_behind_a_program_that_is_whole(told: str, alarm: int, got: int
         (15, b"\x11", "wired", False),
         (15, b"\x11\x13", "hidden", True),
         (5, b"\x11", "hidden", False),
+        (14, b"\x11", "hidden", False),
         (18, b"\x11", "hidden", False),
     ],
 )
 def test_the_end_of_a_reading_whose_cable_was_pulled(pulled: int, said: bytes, er: str, excused: bool) -> None:
-    """The control ends at 17 s. Its last word may be a stop. Where ER shows the end, there is nothing to excuse."""
+    """The control ends at 17 s, and the cable is out for 2 s. Its last word may be a stop. Where ER shows the end, it is
+    no excuse.
+    """
     evidence, excuses = case(host={"er": er}, moment=pulled * SECOND, kind="pulled cable", place=0, sent=b"")
     evidence.control_ends.append((17 * SECOND, Outcome.COMPLETE))
     wait = Wait(who=("host",), job=evidence.jobs[0], attempt=evidence.attempts[0], said=said, heard=said)

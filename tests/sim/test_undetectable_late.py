@@ -143,20 +143,27 @@ def test_an_alarm_whose_dc3_is_heard_late_says_the_same_as_the_end(
 
 
 @pytest.mark.parametrize(
-    ("said", "host", "got", "excused"),
+    ("said", "host", "got", "end", "excused"),
     [
-        (b"\x11\x13\x13", {"posting": "off"}, 0, True),
-        (b"\x11\x93\x13", {"posting": "off"}, 0, True),
-        (b"\x11\x13\x13", {"er": "hidden"}, 0, True),
-        (b"\x11\x13\x13", {}, 0, False),
-        (b"\x11\x13\x13\x16", {"posting": "off"}, 0, True),
-        (b"\x11\x13\x11\x13", {"posting": "off"}, 0, False),
-        (b"\x11\x13\x13", {"posting": "off"}, 1, False),
+        (b"\x11\x13\x13", {"posting": "off"}, 0, Outcome.COMPLETE, True),
+        (b"\x11\x93\x13", {"posting": "off"}, 0, Outcome.COMPLETE, True),
+        (b"\x11\x13\x13", {"er": "hidden"}, 0, Outcome.COMPLETE, True),
+        (b"\x11\x13\x13", {}, 0, Outcome.COMPLETE, False),
+        (b"\x11\x13\x13\x16", {"posting": "off"}, 0, Outcome.COMPLETE, True),
+        (b"\x11\x13\x13\x15", {"er": "hidden"}, 0, Outcome.COMPLETE, False),
+        (b"\x11\x13\x11\x13", {"posting": "off"}, 0, Outcome.COMPLETE, False),
+        (b"\x11\x13\x13", {"posting": "off"}, 1, Outcome.COMPLETE, False),
+        (b"\x11\x13\x13", {"posting": "off"}, 0, Outcome.FAILED, False),
+        (b"\x11\x13\x13", {"posting": "off"}, 0, None, False),
     ],
 )
-def test_an_end_right_behind_a_stop(said: bytes, host: dict[str, str], got: int, excused: bool) -> None:
+def test_an_end_right_behind_a_stop(
+    said: bytes, host: dict[str, str], got: int, end: Outcome | None, excused: bool
+) -> None:
     """`got` characters are missing."""
     evidence, excuses = case(host=host)
+    if end is not None:
+        evidence.control_ends.append((17 * SECOND, end))
     evidence.cnc.sent += said
     evidence.attempts[0].got -= got
     assert (excuses.undisturbed(evidence.attempts[0]) == Undetectable.END_LIKE_RESET) is excused

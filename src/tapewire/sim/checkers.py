@@ -26,6 +26,9 @@ NO_ENGINE_BREAKS: Final = "no engine breaks"
 
 _END_CODES: Final = frozenset(b"\x0d\x8d\x03")
 
+MOST_UNDER_WAY: Final = 2
+"""Packets that follow a bad one before its NAK is obeyed."""
+
 FOOTPRINT_BYTES: Final = 300 * 1024
 """An engine holds no more beside the program: buffers of 8 KB, ten packets, tables, its last events."""
 
@@ -85,10 +88,9 @@ def _always(scenario: Scenario, evidence: Evidence, excuses: Excuses) -> Iterato
 
 def _must_be_repeated(scenario: Scenario, evidence: Evidence) -> bool:
     """One character turned in all, and nothing else, in a protocol whose ends ask again for what came damaged."""
-    ne = scenario.settings.host.get("Ne", "10")
-    # A NAK for the packet behind a bad one is one more retry (4.5, 5.3 2)).
-    at_once = ne == "1" and scenario.settings.cnc.get("naks") == "packet"
-    repeats = scenario.protocol.startswith("fanuc-a") and ne != "0" and not at_once
+    # With a NAK for each packet, those under way behind a bad one are a retry each (4.5, 5.3 2)).
+    retries = MOST_UNDER_WAY if scenario.settings.cnc.get("naks") == "packet" else 0
+    repeats = scenario.protocol.startswith("fanuc-a") and int(scenario.settings.host.get("Ne", "10")) > retries
     damages = evidence.damages
     one = len(damages) == 1 and damages[0].unseen and len(damages[0].plain) == len(damages[0].sent) == 1
     if one and set(damages[0].sent + damages[0].plain) & _END_CODES:

@@ -20,6 +20,7 @@ __all__ = [
     "last_codes",
     "rest_fits",
     "right_packet",
+    "says_nak",
     "text_of",
 ]
 
@@ -102,14 +103,20 @@ def ends_record(sent: bytes, ends: frozenset[int]) -> bool:
     return any(sent[at] & 0x7F in ends for at in (-2, -3) if len(sent) >= -at)
 
 
-def rest_fits(brought: bytes, taken: bytes, lrc: str, ends: frozenset[int]) -> bool:
-    """A record was taken that is only the rest of one: the control gave up its beginning after a silence (2.2.4)."""
+def rest_fits(brought: bytes, taken: bytes, program: bytes, wrong: int, lrc: str, ends: frozenset[int]) -> bool:
+    """Where `taken` differs from `program`, at byte `wrong` of their texts, a record that was brought should stand, and
+    only the rest of it does: the control gave up its beginning after a silence (2.2.4).
+    """
     brought = bytes(byte & 0x7F for byte in brought)
     places = [at for at, byte in enumerate(brought[:-1]) if byte in ends]
     for start, end in zip([-2, *places], places, strict=False):
+        record = text_of(brought[start + 2 : end])
         for begins in range(start + 3, end):
-            text = brought[begins:end]
-            if _check(text, brought[end], lrc) == brought[end + 1] and text in taken:
+            rest = text_of(brought[begins:end])
+            stands = range(max(0, wrong - len(rest)), wrong + 1)
+            if len(rest) == len(record) or _check(brought[begins:end], brought[end], lrc) != brought[end + 1]:
+                continue
+            if any(program.startswith(record, at) and taken.startswith(rest, at) for at in stands):
                 return True
     return False
 
@@ -161,6 +168,13 @@ def ends_with_nak(sent: bytes, number: int) -> bool:
     packets = (sent[at : at + 5] for at in range(len(sent) - 5, -1, -1))
     last = next((packet for packet in packets if is_monitor(packet) and packet[0] & 0x7F != _CAN), b"")
     return bool(last) and last[0] & 0x7F == 0x15 and last[1] & 0x7F == 0x30 + number
+
+
+def says_nak(sent: bytes, number: int) -> bool:
+    """Some monitor packet of expansion A is NAK for the packets that bear `number`, 0 to 9 (5.3)."""
+    packets = (sent[at : at + 5] for at in range(len(sent) - 4))
+    named = (packet for packet in packets if packet[0] & 0x7F == 0x15 and packet[1] & 0x7F == 0x30 + number)
+    return any(is_monitor(packet) for packet in named)
 
 
 def is_monitor(packet: bytes) -> bool:

@@ -160,7 +160,7 @@ class Excuses:
         if self._is_a:
             return self._content_a(attempt, wrong)
         if self._linked and self._sends:
-            return self._content_linked(attempt)
+            return self._content_linked(attempt, got)
         if self._beside_the_program(attempt):
             return Undetectable.READ_AS_TEXT
         damage = self._program_damage(attempt, wrong)
@@ -202,7 +202,7 @@ class Excuses:
     def _n(self) -> int:
         return packets_n(self._scenario)
 
-    def _content_linked(self, attempt: Attempt) -> str:
+    def _content_linked(self, attempt: Attempt, got: bytes) -> str:
         cnc = self._scenario.settings.cnc
         brought = bytes(self._evidence.cnc.brought[attempt.brought :])
         ends = self._codes.record_ends
@@ -211,7 +211,10 @@ class Excuses:
         stalls = [moment for moment, what in self._evidence.acts if what in _STALLS]
         holds = [damage.moment for damage in self._evidence.damages if damage.kind == "CTS OFF"]
         paused = any(moment >= attempt.began for moment in stalls + holds)
-        if paused and rest_fits(brought, bytes(attempt.delivered), cnc.get("lrc", "xor7_etb"), ends):
+        text, program = text_of(got), text_of(self._evidence.expected)
+        wrong = first_difference(text, program)
+        lrc = cnc.get("lrc", "xor7_etb")
+        if paused and wrong is not None and rest_fits(brought, text, program, wrong, lrc, ends):
             return Undetectable.REST
         for damage in self._unseen(Wire.FROM_CONTROL):
             if damage.moment >= attempt.began and self._codes.answers & (set(damage.sent) | set(damage.plain)):
@@ -314,9 +317,9 @@ class Excuses:
         if surplus <= sum(map(self._gained, makers)):
             return makers[0].name
         beside_it = self._beside_the_program(attempt)
-        if self._loads and attempt.got > len(attempt.delivered):
-            # In the buffer of a control that failed stand codes that were not looked at.
-            beside_it = max(beside_it, self._answers(attempt))
+        if self._loads:
+            # In the buffer of a control that did not come to the end stand codes that were not looked at.
+            beside_it = max(beside_it, min(self._answers(attempt), attempt.got - len(attempt.delivered)))
         return Undetectable.READ_AS_TEXT if surplus <= beside_it else ""
 
     def _makers(self, attempt: Attempt) -> list[Damage]:
@@ -379,7 +382,8 @@ class Excuses:
         """Nothing happened, and it is not complete. Posting and ER together tell a reset."""
         told = self._scenario.settings.host.get("posting") != "off" and not self._er_unseen
         doubtful = self._is_b and self._sends and not told
-        return Undetectable.END_LIKE_RESET if doubtful and end_like_reset(self._evidence, attempt) else ""
+        job = self._evidence.jobs[0]
+        return Undetectable.END_LIKE_RESET if doubtful and end_like_reset(self._evidence, job, attempt) else ""
 
     def stuck(self, who: str) -> str:
         """Given up at one end, RESET at the other, and this one has not ended: a To that came otherwise (4.5)."""

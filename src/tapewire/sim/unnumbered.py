@@ -5,14 +5,20 @@ For `undetectable.py`. `n` is that of the packets (5.2); 0 is protocol A, which 
 
 from __future__ import annotations
 
+from typing import Final
+
 from tapewire.line.faults.plan import Wire
 from tapewire.protocols.fanuc_a.packets import END_NUMBER, NUMBERS, Monitor, packet_bytes
 from tapewire.sim.evidence import Attempt, Damage, Evidence, Job
-from tapewire.sim.frames import ends_with_nak, is_monitor, right_packet
+from tapewire.sim.frames import ends_with_nak, is_monitor, right_packet, says_nak
 from tapewire.sim.names import Undetectable
 from tapewire.sim.scenarios import Scenario
 
 __all__ = ["lost_packets", "never_repeated", "packets_n", "went_round"]
+
+
+MOST_TAKEN: Final = 1
+"""Packets of the next round that came before the line went dead again."""
 
 
 def packets_n(scenario: Scenario) -> int:
@@ -46,19 +52,19 @@ def lost_packets(evidence: Evidence, n: int, attempt: Attempt, wrong: int) -> st
 
 def went_round(evidence: Evidence, n: int, attempt: Attempt, job: Job, missing: int) -> bool:
     """The last NAK was for the packet ten, or twenty, before the one that its host takes it for, and nothing that was
-    sent again came, or not well, and CAN followed: `missing` bytes count as certain that are not there.
+    sent again came, or not well, and CAN followed: `missing` bytes count as certain that are not there. Or one
+    packet came before the line went dead again: it bore the right number, and was the packet ten behind.
     """
     if not n:
         return False
     length = packet_bytes(n)
     packets, rest = divmod(missing, length - 4)
-    # What it has taken since bore the right number, and was the packet ten behind.
     taken = -packets % 10
-    whole_rounds = packets > 0 and not rest
+    whole_rounds = packets > 0 and not rest and taken <= MOST_TAKEN
     wanted = (attempt.got // (length - 4) - taken) % 10
     until = min((other.heard for other in evidence.attempts if other.began > attempt.began), default=None)
     said = bytes(evidence.cnc.sent[attempt.heard : until])
-    asked = any(ends_with_nak(said[:end], wanted) for end in (range(len(said)) if taken else (len(said),)))
+    asked = says_nak(said, wanted) if taken else ends_with_nak(said, wanted)
     lost = _lost([damage for damage in _of_host(evidence, attempt) if job.covers(damage.moment)])
     # Of what was lost, up to two packets are in the bad ones for which it asked.
     return whole_rounds and asked and lost > (packets + taken - 2) * length

@@ -46,6 +46,9 @@ CLOSING: Final[Nanos] = 6 * SECOND
 LONGEST_BLINK: Final[Nanos] = 2 * SECOND
 """So long a worn pin of DSR has no contact (`loose-dsr`)."""
 
+UNPLUGGED: Final[Nanos] = 2 * SECOND
+"""So long a cable is out (`pulled-cable`)."""
+
 _DC1: Final = b"\x11"
 _DC3: Final = b"\x13"
 _STOPS: Final = frozenset(b"\x13\x93")
@@ -102,15 +105,16 @@ def ends_alike(scenario: Scenario, evidence: Evidence, job: Job) -> bool:
     return sends and _posts_nothing(scenario) and evidence.control_ended(job, Outcome.FAILED, Outcome.CANCELLED)
 
 
-def end_like_reset(evidence: Evidence, attempt: Attempt | None) -> bool:
+def end_like_reset(evidence: Evidence, job: Job, attempt: Attempt | None) -> bool:
     """The host was stopped with the rest of its program on the way, and the DC3 of the end followed: so close behind
-    the last characters that a reset might have thrown them away (6.1.1, 6.4). A reset later on may be posted.
+    the last characters that a reset might have thrown them away (6.1.1, 6.4). A reset later on may be posted, by SYN.
     """
-    if attempt is None:
+    ended_well = evidence.control_ended(job, Outcome.COMPLETE)
+    if attempt is None or not ended_well or evidence.control_ended(job, Outcome.FAILED, Outcome.CANCELLED):
         return False
     later = (other.heard for other in evidence.attempts if other.began > attempt.began)
     said = evidence.cnc.sent[attempt.heard : min(later, default=None)].translate(_WITHOUT_PARITY)
-    return attempt.got == len(evidence.program) and said.rstrip(b"\x15\x16").endswith(2 * _DC3)
+    return attempt.got == len(evidence.program) and said.rstrip(b"\x16").endswith(2 * _DC3)
 
 
 def with_the_last(scenario: Scenario, missing: int) -> bool:
@@ -190,7 +194,8 @@ def ended_unplugged(evidence: Evidence, wait: Wait) -> bool:
     ends = [moment for moment, outcome in evidence.control_ends if outcome is Outcome.COMPLETE]
     pulled = [damage.moment for damage in evidence.damages if damage.kind == "pulled cable"]
     began = wait.attempt.began if wait.attempt is not None else wait.job.began
-    return any(began <= pull <= end and wait.job.covers(end) for pull in pulled for end in ends)
+    out = [(pull, pull + UNPLUGGED) for pull in pulled if pull >= began]
+    return any(since <= end <= until and wait.job.covers(end) for since, until in out for end in ends)
 
 
 def ends_in_eor(scenario: Scenario, text: bytes) -> bool:

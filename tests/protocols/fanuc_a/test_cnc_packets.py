@@ -19,7 +19,7 @@ from tapewire.protocols.fanuc_a.packets import (
     encode_packet,
     packet_bytes,
 )
-from tapewire.protocols.fanuc_a.params import NakNumber, Naks, Params
+from tapewire.protocols.fanuc_a.params import NakNumber, Params
 from tapewire.protocols.fanuc_a.status import AlarmCause, BufferState
 from tapewire.protocols.settings import Switch
 from tests.protocols.fanuc_a.cnc_bench import PROGRAM, QUICK, Bench, quick
@@ -211,71 +211,6 @@ def test_15_6_behind_a_bad_effective_packet_the_end_packet_is_stale() -> None:
     assert bench.state is State.PACKETS
     bench.receive(good(0)).receive(last())
     assert bench.take() == part(0) + b"\nM30\n%"
-
-
-def test_a_nak_that_was_lost_is_said_again_before_the_number_comes_round() -> None:
-    bench = packets(AGAIN).receive(bad(good(0)))
-    assert bench.monitors() == nak(0x30)
-    for index in range(1, 1 + MOST_STALE):
-        bench.receive(good(index))
-    assert bench.monitors() == b""
-    bench.receive(good(1 + MOST_STALE))
-    assert bench.monitors() == nak(0x30)
-    assert bench.engine.buffered == 0
-
-
-def test_a_host_that_obeys_both_naks_is_not_asked_for_what_is_here() -> None:
-    bench = packets(AGAIN).receive(bad(good(0)))
-    for index in range(1, 2 + MOST_STALE):
-        bench.receive(good(index))
-    assert bench.monitors() == nak(0x30) * 2
-    for index in (0, 1, 2, 0, 1, 2, 3):
-        bench.receive(good(index))
-    assert bench.monitors() == b""
-    assert bench.take() == b"".join(part(index) for index in range(4))
-    bench.receive(last())
-    assert bench.take() == b"\nM30\n%"
-
-
-def test_the_end_packet_behind_a_repetition_of_what_is_here_ends_the_session() -> None:
-    bench = packets(AGAIN).receive(bad(good(0)))
-    for index in range(1, 2 + MOST_STALE):
-        bench.receive(good(index))
-    bench.receive(good(0) + good(1) + good(0) + good(1) + last())
-    assert bench.take() == part(0) + part(1) + b"\nM30\n%"
-
-
-def test_a_nak_for_each_packet_and_a_bad_packet_right_before_the_end_packet() -> None:
-    bench = packets(quick(naks=Naks.PACKET)).receive(bad(good(0))).receive(last())
-    assert bench.monitors() == nak(0x30) * 2
-    bench.receive(good(0)).receive(good(0)).receive(last())
-    assert bench.monitors() == b"", "what comes twice was asked for twice"
-    assert bench.take() == part(0) + b"\nM30\n%"
-
-
-def test_a_nak_for_each_packet_and_a_bad_one_among_what_comes_again() -> None:
-    bench = packets(quick(naks=Naks.PACKET)).receive(bad(good(0))).receive(good(1))
-    bench.receive(good(0)).receive(good(1)).receive(good(0))
-    assert bench.monitors() == nak(0x30) * 2
-    bench.receive(bad(good(1))).receive(last())
-    assert bench.monitors() == nak(0x32) * 2
-    assert bench.state is State.PACKETS
-    bench.receive(good(2)).receive(last())
-    assert bench.take() == part(0) + part(1) + part(2) + b"\nM30\n%"
-
-
-def test_a_nak_for_each_packet_and_what_never_comes_behind_a_repetition() -> None:
-    bench = packets(quick(naks=Naks.PACKET)).receive(bad(good(0))).receive(good(1)).receive(good(0)).receive(good(0))
-    assert bench.monitors() == nak(0x30) * 2
-    for index in range(2, 2 + MOST_STALE):
-        bench.receive(good(index))
-    assert bench.monitors() == nak(0x31)
-
-
-@pytest.mark.parametrize(("naks", "count"), [(Naks.ERROR, 1), (Naks.PACKET, 3)])
-def test_one_nak_for_an_error_or_for_each_packet_that_follows(naks: Naks, count: int) -> None:
-    bench = packets(quick(naks=naks)).receive(bad(good(0))).receive(good(1)).receive(good(2))
-    assert bench.monitors() == nak(0x30) * count
 
 
 @pytest.mark.parametrize(("setting", "number"), [(NakNumber.EXPECTED, 0x31), (NakNumber.RECEIVED, 0x32)])

@@ -5,8 +5,8 @@
     R: GTD    H: P30 P31 [R: CAN during P31]           H: PFF (dummy)   R: RST
 
 A session lasts from a GTD to the end packet. It accepts the packet whose number is next and nothing else. There is no
-positive answer: what is wrong is asked for again by NAK, once for each error, and until that comes everything is passed
-over.
+positive answer: what is wrong is asked for again by NAK, once for each error unless a setting has it, and until that
+comes everything is passed over.
 """
 
 from __future__ import annotations
@@ -36,11 +36,13 @@ from tapewire.protocols.settings import Switch
 __all__ = ["LONGEST_AMONG_PACKETS", "MOST_STALE", "PacketSession", "Verdict"]
 
 MOST_STALE: Final = 4
-"""With `monitors_again=on`: packets passed over before the control says its NAK, or its CAN, again. With
-`naks=packet` the same holds for a NAK while what was obeyed twice goes by.
+"""With `monitors_again=on`: packets passed over before the control says its NAK, or its CAN, again.
 
 A host finishes the packet it is sending and then obeys, so one or two are stale, or a few where much is under way.
 Nine would bring the awaited number back on a packet ten later: a NAK that was lost must not go unnoticed so long.
+
+So far behind the packet asked for, a host that goes back to it obeys the same NAK once more. Farther on, packets are
+missing.
 """
 
 LONGEST_AMONG_PACKETS: Final = 78
@@ -112,7 +114,7 @@ class PacketSession:
         if self.stopping:
             return self._await_end(reading.number)
         if isinstance(reading, BadPacket):
-            if not self._awaiting:
+            if not self._awaiting or self._all_again:
                 # 5.2 2) a): a bad FFh behind a bad effective packet is stale too, and so is the good one that follows.
                 self._end_was_bad = reading.number == END_NUMBER
             return self._nak(reading.number, f"packet {reading.number:02X}: {reading.why}")
@@ -130,7 +132,7 @@ class PacketSession:
             return True
         # Not stated: behind a bad effective packet FFh is stale too. Only where the host goes through packets
         # again that are here already may FFh follow the last of them.
-        return self._rewinding and self._last_stale is not None and next_number(self._last_stale) == self._expected
+        return self._all_again
 
     def _accept(self, packet: Packet) -> Verdict:
         if self._job.stores and len(packet.data) > self._job.free:
@@ -145,6 +147,8 @@ class PacketSession:
         if packet.kind is Kind.END:
             return Verdict.END
         self._expected = next_number(self._expected)
+        if self._ahead > MOST_STALE:
+            self._rewinds = 0
         if self._job.stores and self._job.free <= self._params.dc3_free and not self.holding:
             self.holding = True
             self._want(Monitor.DC3)
@@ -158,13 +162,19 @@ class PacketSession:
         return self._params.monitors_again is Switch.ON
 
     @property
-    def _often(self) -> bool:
+    def _naks_repeat(self) -> bool:
         """NAK may be said more than once for one error, and what is then obeyed twice is no error."""
         return self._again or self._params.naks is Naks.PACKET
 
     @property
     def _rewinding(self) -> bool:
+        """The host goes through packets again that are here already: nothing is missing."""
         return self._awaiting and not self._naks
+
+    @property
+    def _all_again(self) -> bool:
+        """It has come to the last of them."""
+        return self._rewinding and self._last_stale is not None and next_number(self._last_stale) == self._expected
 
     @property
     def _ahead(self) -> int:
@@ -173,8 +183,7 @@ class PacketSession:
 
     def _out_of_order(self, number: int) -> Verdict:
         self._last_stale = number
-        known = self._often and self._rewinds and number == self._asked_for
-        if known and self._ahead <= MOST_STALE:
+        if self._naks_repeat and self._rewinds and number == self._asked_for:
             # The host obeys a NAK for what has come meanwhile: nothing is missing, and a NAK for what it has not sent
             # yet would name a packet ten before.
             self._rewinds -= 1
@@ -186,10 +195,12 @@ class PacketSession:
         return self._nak(number, f"packet {number:02X} where {self._expected:02X} is next")
 
     def _pass_over(self, number: int) -> Verdict:
+        follows = self._last_stale is not None and number in (next_number(self._last_stale), self._asked_for)
         self._last_stale = number if number in NUMBERS else None
         self._stale += 1
-        each = self._params.naks is Naks.PACKET and not self._rewinding
-        if each or (self._often and self._stale > MOST_STALE):
+        # What does not follow in a repetition shows that something is missing in it.
+        at_once = not follows if self._rewinding else self._params.naks is Naks.PACKET
+        if at_once or (self._naks_repeat and self._stale > MOST_STALE):
             return self._nak(number, f"packet {number:02X} where {self._expected:02X} was asked for")
         return Verdict.GO_ON
 

@@ -155,7 +155,7 @@ class Naks(StrEnum):
     ERROR = "error"
     """Once for an error; what comes before the packet asked for is passed over."""
     PACKET = "packet"
-    """For every packet that is not the one asked for."""
+    """For every packet that is not the one asked for; not for what comes twice because it was asked for twice."""
 
 
 class AmongPackets(StrEnum):
@@ -326,7 +326,9 @@ class Params:
         MonitorSum.WITHOUT_END, "What the sum of monitor packets covers: not stated.", end=_CONTROL
     )
     nak_number: NakNumber = setting(NakNumber.EXPECTED, "What NAK names when a packet is out of order.", end=_CONTROL)
-    naks: Naks = setting(Naks.ERROR, "One NAK for an error, or one for each packet that follows it.", end=_CONTROL)
+    naks: Naks = setting(
+        Naks.ERROR, "One NAK for an error, or one for each packet that comes before the one asked for.", end=_CONTROL
+    )
     monitors_again: Switch = setting(
         Switch.OFF,
         "NAK and CAN are said again when more than four packets have come that do not obey them: not stated. RESET "
