@@ -149,8 +149,9 @@ def test_an_alarm_behind_a_program_that_is_whole(told: str, alarm: int, got: int
     ],
 )
 def test_the_end_of_a_reading_whose_cable_was_pulled(pulled: int, said: bytes, er: str, excused: bool) -> None:
-    """The control ends at 17 s; the cable is out for 2 s. Its last word may be a stop. Where ER shows the end, nothing is
-    to be excused.
+    """The control ends at 17 s, and its last word may be a stop. The cable is out for 2 s.
+
+    Where ER shows the end, nothing is excused.
     """
     evidence, excuses = case(host={"er": er}, moment=pulled * SECOND, kind="pulled cable", place=0, sent=b"")
     evidence.control_ends.append((17 * SECOND, Outcome.COMPLETE))
