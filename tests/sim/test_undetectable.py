@@ -144,7 +144,8 @@ def test_an_alarm_behind_a_program_that_is_whole(told: str, alarm: int, got: int
         (15, b"\x11", "wired", False),
         (15, b"\x11\x13", "hidden", True),
         (5, b"\x11", "hidden", False),
-        (14, b"\x11", "hidden", False),
+        (14, b"\x11\x13", "hidden", False),
+        (14, b"\x11", "hidden", True),
         (18, b"\x11", "hidden", False),
     ],
 )

@@ -189,13 +189,14 @@ def resume_was_hit(unseen: Sequence[Damage], wait: Wait) -> bool:
 
 def ended_unplugged(evidence: Evidence, wait: Wait) -> bool:
     """DR was OFF when the control had the program whole: it needs its host no more, and no DC3 is said (6.1.2). What it
-    said last may be one all the same, which was a stop.
+    said last may be one all the same, which was a stop; then the cable must be out when it ends.
     """
     ends = [moment for moment, outcome in evidence.control_ends if outcome is Outcome.COMPLETE]
     pulled = [damage.moment for damage in evidence.damages if damage.kind == "pulled cable"]
     began = wait.attempt.began if wait.attempt is not None else wait.job.began
-    out = [(pull, pull + UNPLUGGED) for pull in pulled if pull >= began]
-    return any(since <= end <= until and wait.job.covers(end) for since, until in out for end in ends)
+    covered = [(pull, end) for pull in pulled for end in ends if began <= pull <= end and wait.job.covers(end)]
+    stopped = wait.said.endswith(_DC3)
+    return any(not stopped or end <= pull + UNPLUGGED for pull, end in covered)
 
 
 def ends_in_eor(scenario: Scenario, text: bytes) -> bool:
